@@ -1,4 +1,4 @@
-"""``python -m joshua``: the program by the name of its package."""
+"""``python -m joshua``: the program, run by its package name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The core as a plugin: Zenoh, declared like anyone else's transport."""
+"""The core as a plugin: Zenoh, declared like any other transport."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from joshua.plugins import PluginSpec, TransportSpec, hookimpl
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the Zenoh transport."""
+    """Declare the Zenoh transport."""
     return [
         TransportSpec(
             enum_values=("TRANSPORT_ZENOH",),

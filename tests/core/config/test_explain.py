@@ -70,7 +70,7 @@ def test_a_field_is_explained_in_full() -> None:
         ("calibration.arms", ["field 1 (extension)"]),
         ("unknown-field", [f"cause     {CODES['unknown-field'].cause}", "do        "]),
         ("topic_name", ["Several fields", "publishers.topic_name", "subscriptions.topic_name"]),
-        ("robot.actions.plugin_config", ["block of a plugin", "No plugin that is installed"]),
+        ("robot.actions.plugin_config", ["block of a plugin", "No installed plugin"]),
     ],
 )  # fmt: skip
 def test_each_kind_of_name_finds_its_page(query: str, parts: list[str]) -> None:

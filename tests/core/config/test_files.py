@@ -174,7 +174,7 @@ def test_a_binary_file_gives_one_error(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "program"
     path.write_bytes(data)
     found = only(load(path))
-    assert found.message == f"{path} is not a text file: it holds many bytes that no text contains."
+    assert found.message == f"{path} is not a text file: many of its bytes are invalid in text."
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be"])

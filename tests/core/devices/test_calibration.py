@@ -37,8 +37,8 @@ def test_a_motor_is_found_by_its_id() -> None:
 @pytest.mark.parametrize(
     ("motors", "message"),
     [
-        ([motor(), motor(id=2)], "joint_name a stands there twice"),
-        ([motor(), motor(joint_name="b")], "id 1 stands there twice; each motor needs one of its own"),
+        ([motor(), motor(id=2)], "joint_name a is used twice"),
+        ([motor(), motor(joint_name="b")], "id 1 is used twice; each motor needs a different one"),
         ([motor(range_min=300, range_max=300)], "a: range_min 300 is not below range_max 300; calibrate"),
         ([motor(homing_offset=-2048)], "greater than or equal to -2047"),
         ([motor(joint_name="")], "at least 1 character"),

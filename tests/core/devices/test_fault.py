@@ -273,7 +273,7 @@ def test_a_device_that_does_not_confirm_is_reported(start: Any, monkeypatch: pyt
 def test_torque_that_is_read_back_as_on_is_no_success(start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     node = start()
     monkeypatch.setattr(node.arm, "read_torque", lambda: {"joint_1": False, "joint_2": True})
-    with pytest.raises(DeviceError, match="torque of joint_2 is still on: cut the supply by hand"):
+    with pytest.raises(DeviceError, match="torque of joint_2 is still on: disconnect the power supply"):
         node.stop()
 
 
@@ -328,7 +328,7 @@ def test_a_device_that_is_silent_for_a_moment_is_waited_for(
     node.context.tick("diagnostics")
     (summary, *_) = node.context.publishers["/diagnostics"].messages[-1].status
     assert (summary.level, summary.values[0].value) == (1, "3")
-    assert summary.message == "following; 3 readings did not come since the last report"
+    assert summary.message == "following; 3 readings failed since the last report"
     monkeypatch.setattr(node.arm, "read", read)
     node.cycle()
     assert (len(states), len(written)) == (before[0] + 1, before[1] + 1)

@@ -112,7 +112,7 @@ def test_a_model_may_see_one_camera_twice() -> None:
 
 
 def test_two_cameras_of_one_name_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"two nodes show observation.images.top: rename /top_camera or the"):
+    with pytest.raises(ValueError, match=r"nodes provide observation.images.top: rename /top_camera or the"):
         derived(TOP, sensor("top_camera", topic("/x", "IMAGE")))
 
 

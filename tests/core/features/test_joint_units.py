@@ -122,7 +122,7 @@ def test_a_feature_says_its_unit_and_has_lerobots_names() -> None:
 
 @pytest.mark.parametrize(("low", "high"), [(1.0, 1.0), (1.0, 0.0), (0.0, math.inf), (math.nan, 1.0)])
 def test_an_empty_range_is_refused(low: float, high: float) -> None:
-    with pytest.raises(ValueError, match=r"elbow: .* rad is no range: calibrate the joint, or"):
+    with pytest.raises(ValueError, match=r"elbow: .* rad is no valid range: calibrate the joint, or"):
         CalibratedJoint("elbow", low, high)
 
 

@@ -32,7 +32,7 @@ def test_a_camera_of_another_name_is_renamed():
     needs = ModelNeeds(features=(Feature.picture("observation.images.camera1", 480, 640),), source="c.json")
     assert found(needs) == [
         (
-            "The model needs observation.images.camera1 (c.json); the robot gives it observation.images.top",
+            "The model needs observation.images.camera1 (c.json); the robot provides observation.images.top",
             'Add rename { robot: "top" model: "camera1" } to the model',
         )
     ]
@@ -47,7 +47,7 @@ def test_a_camera_of_another_name_is_renamed():
 )
 def test_what_the_robot_does_not_show_needs_a_subscription(needed: Feature, remedy: str):
     ((message, said),) = found(ModelNeeds(features=(needed,)), features=FeatureSet())
-    assert "gives it none" in message
+    assert "provides none" in message
     assert "Add subscriptions" in said
     assert remedy in said
 

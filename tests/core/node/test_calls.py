@@ -71,7 +71,7 @@ def test_a_stranger_may_ask_but_move_nothing() -> None:
     stranger = Caller("network", "somebody")
     (reply,) = node.take("wave", caller=stranger)
     assert (reply.ok, reply.code) == (False, "not-allowed")
-    assert reply.text.startswith("/arm: wave gives torque or moves a joint: only the user who runs the robot")
+    assert reply.text.startswith("/arm: wave enables torque or moves a joint: only the user who runs")
     node.take("greet", caller=stranger)
     job = node.calls.next()
     assert job is not None

@@ -23,7 +23,7 @@ def clock():
 
 @pytest.mark.parametrize("period", [0.0, -1.0, float("nan"), float("inf")])
 def test_a_period_that_is_not_positive_is_refused_with_the_name(period):
-    with pytest.raises(ValueError, match=r"timer 'control': the period is .* a positive number is needed"):
+    with pytest.raises(ValueError, match=r"timer 'control': the period is .* it must be positive"):
         Timer(period, print, "control")
 
 

@@ -88,7 +88,7 @@ def test_the_verbs_of_a_behaviour_and_its_driver_are_found_by_name() -> None:
 def test_a_reply_is_data() -> None:
     assert the("wave").bind({"times": "3"})() == {"done": 3, "seconds": 0.5}
     assert the("rest").bind({})() == {}
-    with pytest.raises(TypeError, match=r"the verb lie returned 'no such thing', declared is .*Waved"):
+    with pytest.raises(TypeError, match=r"the verb lie returned 'no such thing', but declares .*Waved"):
         the("lie").bind({})()
 
 
@@ -139,7 +139,7 @@ def test_what_moves_is_open_to_the_local_user_only_and_a_stop_to_everybody() -> 
     assert allowed(the("wave"), Caller()) == ""
     assert allowed(the("say"), stranger) == ""
     assert allowed(the("wave"), stranger).startswith(
-        "wave gives torque or moves a joint: only the user who runs"
+        "wave enables torque or moves a joint: only the user who runs"
     )
     for name in ALWAYS_OPEN:
         assert allowed(Verb(name, "", None, None, True, "loop", print), stranger) == ""

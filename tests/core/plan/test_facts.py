@@ -31,7 +31,7 @@ def test_facts_survive_json_with_their_types() -> None:
 def test_a_fact_that_the_kind_has_not_is_refused() -> None:
     with pytest.raises(ValidationError, match="terminal"):
         spec(facts={"terminal": True})
-    with pytest.raises(ValidationError, match="the facts of arm are those of a sensor"):
+    with pytest.raises(ValidationError, match="the facts of arm are facts of a sensor"):
         spec(facts=SensorFacts())
     with pytest.raises(TypeError, match="/arm is no node with ServiceFacts"):
         spec().facts_as(ServiceFacts)

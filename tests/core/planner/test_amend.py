@@ -31,7 +31,7 @@ def _from_a_package(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         (None, "pip install joshua-emulator, or leave the device out of the file."),
         (PluginStatus.BLOCKED, "Leave --block-plugin emulator out, or leave the device out of the file."),
-        (PluginStatus.BROKEN, "See what `joshua plugins` says of joshua-emulator, or leave the device out"),
+        (PluginStatus.BROKEN, "Look up joshua-emulator in `joshua plugins`, or leave the device out"),
         (
             PluginStatus.OK,
             "Leave the device out of the file, or ask its vendor for a plugin with an emulator.",

@@ -95,7 +95,7 @@ def finding(result: PipelineResult, code: str) -> Any:
 def test_a_camera_that_is_not_there_is_an_error_with_both_names(robot: Any) -> None:
     item = finding(robot(block='camera: "camera1"'), "model-unfit")
     assert item.message == (
-        "The model needs observation.images.camera1 (toy); the robot gives it observation.images.top."
+        "The model needs observation.images.camera1 (toy); the robot provides observation.images.top."
     )
     assert item.remedy == 'Add rename { robot: "top" model: "camera1" } to the model.'
     assert item.allowed == ("top",)
@@ -114,7 +114,7 @@ def test_a_strategy_that_the_model_cannot_do_is_an_error_at_its_field(robot: Any
             'rename { robot: "topp" model: "x" }',
             "topp is none of what the model gets: observation.images.top, observation.state.",
         ),
-        ('rename { robot: "top" model: "observation.state" }', "The feature observation.state stands there"),
+        ('rename { robot: "top" model: "observation.state" }', "Two features are called observation.state"),
     ],
 )
 def test_a_rename_of_nothing_and_onto_another_are_errors(robot: Any, entry: str, message: str) -> None:

@@ -174,7 +174,7 @@ ai { data_store {
     (missing,) = [item for item in examination.diagnostics if item.code == "plugin-missing"]
     assert missing.severity is severity
     assert missing.message.startswith("data_store: FORMAT_HUGGINGFACE requires the plugin joshua-dataset")
-    assert missing.message.endswith("; the run goes on without it.")
+    assert missing.message.endswith("; the run continues without it.")
     assert missing.remedy == "Install the plugin, or remove the data_store block."
     assert not examination.errors
     assert (examination.plan is not None) == (purpose is Purpose.LAUNCH)

@@ -113,7 +113,7 @@ def test_settings_about_commands_that_have_no_effect_are_named(tmp_path: Path) -
         item = finding(planned(tmp_path, "on_stale: RELEASE", role=role), "field-unused")
         assert item.message == "on_stale has no effect: the actuator follows no commands."
     holds = finding(planned(tmp_path, "on_stale_after_s: 3", commanded=True), "field-unused")
-    assert holds.message == "on_stale_after_s has no effect: joints that hold go on holding."
+    assert holds.message == "on_stale_after_s has no effect: holding joints keep their position."
     assert "on_stale: RELEASE" in holds.remedy
     parks = planned(tmp_path, "on_stale: PARK_THEN_RELEASE", commanded=True)
     missing = finding(parks, "park-pose-missing")

@@ -268,7 +268,7 @@ def test_a_block_whose_plugin_does_not_take_the_enum_value() -> None:
     remedy = Registry((row("joshua-spike", spike),)).remedy(
         ActuatorSpec, "spike_motor_config", "ACTION_LEADER"
     )
-    assert remedy == "write one of the types that it takes, or another block"
+    assert remedy == "use one of these types, or another block"
 
 
 def test_a_spec_of_another_registry_has_no_owner() -> None:

@@ -88,7 +88,7 @@ def test_what_is_no_calibration_is_refused(text: str, message: str) -> None:
         ({"range_max": 5000}, r"shoulder_pan\.range_max: .*4095 \(found 5000\)"),
         ({"range_min": 3400}, r"range_min 3400 is not below range_max 3292; calibrate this joint again"),
         ({"id": "one"}, r"shoulder_pan\.id: .*integer.*\(found 'one'\)"),
-        ({"id": 6}, "id 6 stands there twice; each motor needs one of its own"),
+        ({"id": 6}, "id 6 is used twice; each motor needs a different one"),
     ],
 )
 def test_a_wrong_value_is_named_with_its_joint(change: dict[str, Any], message: str) -> None:

@@ -305,7 +305,7 @@ def test_what_cannot_be_kept_is_refused(tmp_path: Path) -> None:
             writer.add_frame(frame(1, changes={"action": [1, 2, 3]}))
         with pytest.raises(EpisodeError, match=r"top has the shape \(8, 8, 3\), and \(24, 32, 3\) is kept"):
             writer.add_frame(frame(1, changes={TOP: np.zeros((8, 8, 3), np.uint8)}))
-        with pytest.raises(EpisodeError, match="has values of float64, and a picture is of uint8"):
+        with pytest.raises(EpisodeError, match="has values of float64, but pictures are uint8"):
             writer.add_frame(frame(1, changes={TOP: np.zeros((24, 32, 3))}))
     (tmp_path / "file").write_text("")
     with pytest.raises(EpisodeError, match=r"cannot be written: Not a directory\. Name another"):

@@ -304,7 +304,7 @@ def test_compressed_pictures_need_a_decoder(model: Any, monkeypatch: pytest.Monk
     monkeypatch.setitem(sys.modules, "cv2", None)
     load_decoder.cache_clear()
     seen = TopicSpec(name="/top", type_name="sensor_msgs/msg/CompressedImage")
-    with pytest.raises(ModelError, match=r"/policy: compressed images need OpenCV .* pip install opencv"):
+    with pytest.raises(ModelError, match=r"/policy: decoding compressed images requires OpenCV: pip"):
         InferenceNode(RecordingContext(spec(subscriptions=(seen,)))).configure()
 
 

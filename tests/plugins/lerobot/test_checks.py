@@ -41,7 +41,7 @@ def test_another_camera_is_named_with_the_rename_that_mends_it(tmp_path: Path, w
     robot = write_robot(tmp_path / "robot.pbtxt", "act", cameras={"front": (64, 48)})
     ((message, _, remedy),) = findings(robot)
     assert message == (
-        f"The model needs observation.images.top ({weights}/config.json); the robot gives it "
+        f"The model needs observation.images.top ({weights}/config.json); the robot provides "
         "observation.images.front."
     )
     assert 'rename { robot: "front" model: "top" }' in remedy

@@ -155,7 +155,7 @@ def test_a_file_is_replayed_and_held_at_its_end(
     [
         ("", "line 1: no column time_s, joint_1, joint_2, joint_3; found nothing"),
         ("time_s,joint_1,joint_2\n", "line 1: no column joint_3; found time_s, joint_1, joint_2"),
-        ("time_s,joint_1,joint_2,joint_3\n", "holds no sample"),
+        ("time_s,joint_1,joint_2,joint_3\n", "contains no sample"),
         ("time_s,joint_1,joint_2,joint_3\n0,0,0\n", "line 2: 4 numbers are needed, found '0,0,0'"),
         ("time_s,joint_1,joint_2,joint_3\n0,0,0,nan\n", "line 2: a value is not finite"),
         ("time_s,joint_1,joint_2,joint_3\n0,0,0,0\n\n0,0,0,0\n", "line 4: time_s does not increase"),

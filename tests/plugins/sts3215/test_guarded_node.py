@@ -139,7 +139,7 @@ def test_a_bus_that_stands_still_for_a_moment_is_borne(arm_emulator: EmulatedBus
     assert states[0].position == pytest.approx([(ticks - 2048) * math.tau / 4096 for ticks in positions])
     context.tick("diagnostics")
     rows = context.publishers["/diagnostics"].messages[-1].status
-    assert "readings did not come since the last report" in rows[0].message
+    assert "readings failed since the last report" in rows[0].message
     assert int(next(pair.value for pair in rows[-1].values if pair.key == "retries")) > 0
     node.deactivate()
     node.cleanup()

@@ -1,4 +1,4 @@
-"""Calibrations of arms as values, and what turns ticks into radians."""
+"""Calibrations of arms as values, and the conversion of ticks to radians."""
 
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from joshua.devices.calibration import ArmCalibration as ArmCalibration
     from joshua.devices.calibration import MotorCalibration as MotorCalibration
 
-#: Loaded at first use: the models take milliseconds to build, which drivers that only convert need not spend.
+#: Loaded at first use: building the models takes milliseconds, which a driver that only converts does not
+#: need.
 _MODELS = ("LARGEST_OFFSET", "ArmCalibration", "MotorCalibration")
 __getattr__, __dir__ = lazy_names(__name__, {"joshua.devices.calibration": _MODELS})

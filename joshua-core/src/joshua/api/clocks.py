@@ -1,4 +1,4 @@
-"""Clocks: stamps from device time, a silent device told from a busy computer, and ROS 2 time."""
+"""Clocks: stamps from device time, telling a silent device from a busy computer, and ROS 2 time."""
 
 from joshua.devices.stamps import StampClock as StampClock
 from joshua.guardian.silence import AwakeClock as AwakeClock

@@ -1,4 +1,4 @@
-"""What a plugin with an emulator of a device implements."""
+"""The interface of a device emulator."""
 
 from joshua.plugins.emulator import Coupling as Coupling
 from joshua.plugins.emulator import DeviceEmulator as DeviceEmulator

@@ -1,4 +1,4 @@
-"""What trained models use beside ``Model``: their settings, what they need, chunks in real time."""
+"""For trained models, beside ``Model``: settings, requirements, real-time chunking."""
 
 from typing import TYPE_CHECKING
 
@@ -12,5 +12,5 @@ from joshua.plugins.settings import ModelSettings as ModelSettings
 if TYPE_CHECKING:
     from joshua.models.model import ChunkRequest as ChunkRequest
 
-#: Loaded at first use: settings are checked without numpy.
+#: Loaded at first use: checking settings does not need numpy.
 __getattr__, __dir__ = lazy_names(__name__, {"joshua.models.model": ("ChunkRequest",)})

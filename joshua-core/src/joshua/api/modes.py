@@ -1,4 +1,4 @@
-"""What a plugin with an operation mode of its own declares."""
+"""The declaration of an operation mode that a plugin provides."""
 
 from joshua.config.checks import Context as Context
 from joshua.modes.queries import lacks as lacks

@@ -1,4 +1,4 @@
-"""What a plugin that writes a whole node uses: base nodes, its publishers and the facts of the plan."""
+"""For plugins that implement a whole node: base classes, publishers and the node's part of the plan."""
 
 from joshua.devices.diagnostics import DiagnosticsPublisher as DiagnosticsPublisher
 from joshua.devices.sensor_node import SensorNode as SensorNode

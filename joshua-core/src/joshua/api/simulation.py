@@ -1,4 +1,4 @@
-"""What a simulator puts in the place of devices."""
+"""The interface with which a simulator replaces devices."""
 
 from joshua.plugins.emulator import Coupling as Coupling
 from joshua.plugins.emulator import PhysicsCamera as PhysicsCamera

@@ -1,4 +1,4 @@
-"""What fewer plugins provide: emulators, environments, episode writers, modes and transports."""
+"""Specs of rarer plugins: emulators, environments, episode writers, modes and transports."""
 
 from joshua.plugins.specs import EmulatorSpec as EmulatorSpec
 from joshua.plugins.specs import Environment as Environment

@@ -1,4 +1,4 @@
-"""What a transport of ROS 2 topics derives from and uses."""
+"""Base classes and helpers for transports of ROS 2 topics."""
 
 from joshua.plan import QosProfile as QosProfile
 from joshua.plan import TransportSettings as TransportSettings

@@ -1,1 +1,1 @@
-"""The command line: reads like a table of contents."""
+"""The command line."""

@@ -25,11 +25,11 @@ OFFLINE_TIMEOUT_S = 2.0
 #: After this time a device is opened here if its driver and its guardian have not answered.
 DIRECT_AFTER_S = 1.5
 
-#: A supervisor that runs answers within milliseconds; nothing depends on its answer.
+#: A running supervisor responds within milliseconds. Nothing depends on its response.
 SUPERVISOR_TIMEOUT_S = 0.5
 
 _POLL_S = 0.01
-#: What one turn counts at most: a stall of the system delays the drivers as well.
+#: Upper limit of a turn's time, because a system stall delays the drivers as well.
 _TURN_S = 0.1
 
 
@@ -54,7 +54,7 @@ class EstopTarget(RunningSystem):
         return same_node or bool(self.info.robot and self.info.robot == subject.robot)
 
     def notify(self, *, released: bool = False) -> str:
-        """Have the run log the e-stop; returns why that failed, "" if it did not."""
+        """Make the run log the e-stop. Returns why that failed, "" on success."""
         request = {"request": "estop", "released": released, "process_id": os.getpid()}
         try:
             self.request(request, SUPERVISOR_TIMEOUT_S)
@@ -63,7 +63,7 @@ class EstopTarget(RunningSystem):
         return ""
 
     def wait(self, latch: Latch, latches: LatchFolder, timeout_s: float) -> list[EstopReport]:
-        """Wait until every actuator has confirmed; returns one report for each, in the run's order.
+        """Wait until every actuator has confirmed. Returns one report each, in the run's order.
 
         Args:
             latches: may hold a later e-stop of the same run, which counts as well.
@@ -84,13 +84,13 @@ class EstopTarget(RunningSystem):
             time.sleep(_POLL_S)
 
     def _report(self, node: str, latches: Sequence[str]) -> EstopReport | None:
-        """The report on an actuator; that of this program counts if it says more."""
+        """The report on an actuator; that of this program if it has more information."""
         found = [self._files.read_report(node, latch) for latch in latches]
         report, own = next((item for item in found if item is not None), None), self._reached.get(node)
         return own if own is not None and (own.complete or report is None) else report
 
     def _reach(self, node: str, latch: Latch) -> None:
-        """Release an actuator from here, once, with the order that its driver has left for that."""
+        """Release an actuator from here, once, with the order stored by its driver."""
         order = self._files.read_order(node) or self._orders[node]
         if order is not None and node not in self._reached:
             self._reached[node] = None
@@ -136,7 +136,7 @@ def set_latch(
 
 
 def release_offline(spec: NodeSpec, latch: Latch) -> EstopReport:
-    """Release an actuator that no run uses, and read back its torque: an arm holds after a run, too."""
+    """Release an actuator that no run uses, and read back its torque, because an arm may hold after a run."""
     return _reported(spec.full_name, latch, lambda: _release(spec))
 
 
@@ -180,7 +180,7 @@ _BY = {"driver": "its driver", "guardian": "its guardian", "command": "this comm
 
 
 def lines(reports: Sequence[EstopReport]) -> list[str]:
-    """One line for each actuator: whether its torque is off, and how that is known."""
+    """One line for each actuator: whether its torque is off, and the source of that information."""
     from joshua.supervisor.tables import Screen, columns
 
     if not reports:

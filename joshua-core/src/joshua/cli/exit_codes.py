@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class ExitCode(IntEnum):
-    """What the exit code of a command means."""
+    """Exit codes of a command."""
 
     OK = 0
     """Finished, or stopped by the user."""
@@ -15,7 +15,7 @@ class ExitCode(IntEnum):
     INVALID = 2
     """The configuration or the command line is invalid."""
     NOT_INSTALLED = 3
-    """A needed plugin or extra is not installed."""
+    """A required plugin or extra is not installed."""
     HARDWARE = 4
     """Hardware is absent or refused."""
     INTERRUPTED = 130

@@ -60,7 +60,7 @@ def print_version() -> int:
 
 
 def print_completion(shell: str) -> int:
-    """Print the completion script of a shell; one that has it starts no Python to complete a word."""
+    """Print the completion script of a shell, which completes words without starting Python."""
     import shtab
 
     from joshua.cli.parser import build_parser
@@ -87,7 +87,7 @@ def actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 
 
 def run_configuration(arguments: argparse.Namespace) -> int:
-    """Check a configuration, and run it unless only the check was asked for."""
+    """Check a configuration, and run it unless only the check was requested."""
     if arguments.validate_only:
         return validate(arguments)
     from joshua.cli.run import run
@@ -105,7 +105,8 @@ def validate(arguments: argparse.Namespace) -> int:
     if arguments.faults:
         sys.stderr.write(f"joshua: error: {NO_FAULTS if arguments.emulate else FAULT_ALONE}\n")
         return ExitCode.INVALID
-    # Pydantic reads the metadata of every installed package in search of its plugins, a twelfth of the time.
+    # Pydantic searches the metadata of all installed packages for its plugins, which takes a twelfth of the
+    # time.
     if (loader := "pydantic.plugin._loader") not in sys.modules:
         no_plugins: Any = ModuleType(loader)
         no_plugins.get_plugins = tuple
@@ -122,7 +123,7 @@ def validate(arguments: argparse.Namespace) -> int:
 def program() -> None:
     """Run the command line and exit the process.
 
-    A check neither collects garbage nor frees its memory at the end, which together are a fifth of its time.
+    A check neither collects garbage nor frees its memory at the end, which would take a fifth of its time.
     """
     _ready_streams()
     only_checks = "--validate-only" in sys.argv
@@ -135,7 +136,7 @@ def program() -> None:
 
 
 def _ready_streams() -> None:
-    """Open the standard streams that the shell has closed, and escape what a terminal cannot show.
+    """Open standard streams that the shell has closed, and escape what a terminal cannot show.
 
     Otherwise a socket could get the number of a stream that native code writes to. A path may hold bytes that
     are not text.
@@ -152,7 +153,7 @@ def _ready_streams() -> None:
 
 
 def _flushed(code: int) -> int:
-    """Write out what is buffered; returns the exit code, another one if that fails."""
+    """Flush the output. Returns the exit code, or another one if that fails."""
     try:
         sys.stdout.flush()
     except (BrokenPipeError, ValueError):

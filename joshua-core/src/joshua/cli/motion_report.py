@@ -43,7 +43,7 @@ PASS, FAIL, UNKNOWN = Cell.of("PASS", GREEN), Cell.of("FAIL", RED), Cell.of("---
 
 
 def _result(check: CheckResult, report: RunReport) -> Cell:
-    """A node that was stopped with the run has not failed; whether it would have is unknown."""
+    """The result of a check. That of a node that was stopped with the run is unknown, not failed."""
     if check.passed:
         return PASS
     stopped = report.interrupted and (check.check, check.measured) == (RAN, report.reason)
@@ -51,7 +51,7 @@ def _result(check: CheckResult, report: RunReport) -> Cell:
 
 
 def write_reports(report: RunReport) -> Iterator[str]:
-    """Write the files of each node that has traces; yields a line on each. Raises OSError."""
+    """Write the files of each node with traces. Yields a line for each. Raises OSError."""
     log = Path(report.log)
     moved = [node for node in report.nodes if report.log and node.traces]
     draw = _drawing() if moved else None
@@ -70,13 +70,13 @@ def _written(what: str, path: Path, write: Callable[[Path], None]) -> str:
     try:
         write(path)
     except OSError:
-        path.unlink(missing_ok=True)  # half a file
+        path.unlink(missing_ok=True)  # an incomplete file
         raise
     return f"{what}: {path}"
 
 
 def write_table(node: NodeReport, path: Path) -> None:
-    """One row for each sample of a joint; temperatures are sampled less often, in rows of their own."""
+    """One row for each sample of a joint. Temperatures, sampled less often, have separate rows."""
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(COLUMNS)
@@ -87,7 +87,7 @@ def write_table(node: NodeReport, path: Path) -> None:
 
 
 def _drawing() -> Callable[[NodeReport, Path], None] | None:
-    """What draws a node, with the extra ``plots``; its import takes a second, so it comes after the test."""
+    """The function that draws a node, from the extra ``plots``. Its import takes a second, after the test."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
@@ -126,5 +126,5 @@ def _draw_joint(axes: Any, trace: JointTrace) -> None:
         panel.set_ylabel(label)
         panel.grid(alpha=0.3)
         low, high = panel.get_ylim()
-        if high - low < least:  # noise must not fill the panel
+        if high - low < least:  # keeps noise from filling the panel
             panel.set_ylim((low + high - least) / 2, (low + high + least) / 2)

@@ -16,7 +16,7 @@ _Container = argparse.ArgumentParser | argparse._ArgumentGroup
 
 
 def positive_seconds(text: str) -> float:
-    """Read a duration in seconds; raises ArgumentTypeError unless it is finite and above zero."""
+    """Read a duration in seconds. Raises ArgumentTypeError unless it is finite and above zero."""
     try:
         value = float(text)
     except ValueError:
@@ -27,7 +27,7 @@ def positive_seconds(text: str) -> float:
 
 
 class _OneFile(argparse.Action):
-    """Takes the file, which stands as FILE or behind --config; two different files are an error."""
+    """Accepts a file as FILE or --config FILE. Two different files are an error."""
 
     def __call__(
         self,
@@ -43,14 +43,14 @@ class _OneFile(argparse.Action):
 
 
 def add_file(parser: _Container, help_text: str) -> None:
-    """Add FILE to a command, which ``--config FILE`` may give as well."""
+    """Add FILE to a command, also accepted as ``--config FILE``."""
     parser.add_argument(
         "config", nargs="?", metavar="FILE", action=_OneFile, default=argparse.SUPPRESS, help=help_text
     )
 
 
 def add_config(parser: _Container, help_text: str, default: Any = argparse.SUPPRESS) -> None:
-    """Add ``--config FILE``; by default an absent one leaves what stood before the command."""
+    """Add ``--config FILE``. By default, an absent one keeps the value before the command."""
     parser.add_argument("--config", metavar="PATH", action=_OneFile, default=default, help=help_text)
 
 
@@ -70,7 +70,7 @@ def add_config_options(parser: argparse.ArgumentParser, *, suppress: bool = True
     """Add the options that choose and change a configuration.
 
     Args:
-        suppress: leave absent options out of the namespace, so that those before the subcommand count.
+        suppress: omit absent options from the namespace, so that those before the subcommand apply.
         file: help of the argument FILE, "" for a command that takes ``--config`` only.
     """
 

@@ -26,7 +26,7 @@ Plugins bring further commands, such as calibrate: joshua plugins lists them."""
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors suggest the nearest option, and whose abbreviations are off."""
+    """An argument parser without abbreviations, whose errors suggest the nearest option."""
 
     arguments: Sequence[str] = ()
 
@@ -37,7 +37,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print the message with the nearest valid option and exit with 2, or 3 if a plugin is missing."""
-        # argparse takes the value of a misspelt option for the command and complains about that
+        # argparse mistakes the value of a misspelt option for the command and reports that
         options = [word.partition("=")[0] for word in self.arguments if word.startswith("--")]
         unknown = [word for word in options if word not in self._option_string_actions and word != "--"]
         word = message.partition("invalid choice: ")[2].split(" ")[0].strip("'\"")
@@ -65,17 +65,17 @@ class Parser(argparse.ArgumentParser):
         return {name: parser for group in groups for name, parser in group.choices.items()}
 
     def takes(self, option: str) -> bool:
-        """Whether this command or one below it takes an option."""
+        """Whether this command or a subcommand has an option."""
         return option in self._option_string_actions or any(
             sub.takes(option) for sub in self.commands().values()
         )
 
     def _plugin_commands(self) -> list[Command]:
-        """What a word that is no command may mean; a subcommand has none."""
+        """Commands of plugins for an unknown word; a subcommand has none."""
         return [] if isinstance(self, CommandParser) else table.plugin_commands()
 
     def _missing_plugin(self, unrecognized: Sequence[str]) -> str:
-        """Which plugin brings an unknown option to this command, and how to install it; "" for none."""
+        """The plugin that adds an unknown option to this command, and how to install it; "" for none."""
         if not unrecognized:
             return ""
         from joshua.plan import installing
@@ -100,13 +100,13 @@ class Parser(argparse.ArgumentParser):
 
 
 class CommandParser(Parser):
-    """The parser of one subcommand; it imports the command's module when it is first used."""
+    """The parser of one subcommand. Imports the command's module at first use."""
 
     command: Command | None = None
     _populated = False
 
     def populate(self) -> None:
-        """Add the command's arguments; idempotent."""
+        """Add the command's arguments. Idempotent."""
         if self.command is not None and not self._populated:
             self._populated = True
             module = importlib.import_module(self.command.module)
@@ -114,7 +114,7 @@ class CommandParser(Parser):
             self.set_defaults(run=module.run)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Populate the parser, then parse; an argument that it does not know is an error."""
+        """Populate the parser, then parse. An unknown argument is an error."""
         self.populate()
         found, unknown = super().parse_known_args(args, namespace)
         if unknown:
@@ -143,7 +143,7 @@ def build_parser(*, populate: bool = False, further: Sequence[Command] = ()) -> 
 
 
 def parse(argv: Sequence[str] | None) -> tuple[Parser, argparse.Namespace]:
-    """Parse the command line; exits with 2 if it is invalid."""
+    """Parse the command line. Exits with 2 if it is invalid."""
     words = list(sys.argv[1:] if argv is None else argv)
     names = {command.name for command in COMMANDS}
     further: list[Command] = []
@@ -160,9 +160,9 @@ def parse(argv: Sequence[str] | None) -> tuple[Parser, argparse.Namespace]:
 
 
 def refuse_without_effect(parser: Parser, arguments: argparse.Namespace, after: Sequence[str]) -> None:
-    """Exit with 2 for an option before a command that the command does not see there.
+    """Exit with 2 for an option before a command that ignores it there.
 
-    So `joshua --emulate doctor` does not open the real arm.
+    So `joshua --emulate doctor` does not open the real arm by mistake.
     """
     command = arguments.command
     own = parser.commands()[command]
@@ -183,7 +183,7 @@ def _options(words: Sequence[str]) -> Iterator[str]:
 
 
 def commands_of_plugins(name: str) -> list[Command]:
-    """Find the command of that name that a plugin brings, if any; exits with 3 if it cannot be used."""
+    """Find the command of that name from a plugin, if any. Exits with 3 if it cannot be used."""
     try:
         command = table.find_command(name)
     except table.PluginCommandError as error:

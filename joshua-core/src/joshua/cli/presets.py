@@ -35,7 +35,7 @@ class Preset:
 
     @property
     def plugins(self) -> str:
-        """The distributions that the preset needs, in the words of its header."""
+        """The distributions that the preset needs, as in its header."""
         return " ".join(self.sections.get("Plugins", ()))
 
     @property

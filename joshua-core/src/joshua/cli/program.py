@@ -1,4 +1,4 @@
-"""What the command ``joshua`` calls: Ctrl-C during the import of the program exits without a traceback."""
+"""The entry point of ``joshua``: Ctrl-C during the import of the program exits without a traceback."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from joshua.cli.exit_codes import ExitCode
 
 
 def program() -> None:
-    """Import the program and run it; until then there is nothing to shut down."""
-    # No settings model uses plugins of pydantic, and each process would look for them for 15 ms and more.
+    """Import the program and run it. Before that, there is nothing to shut down."""
+    # No settings model uses plugins of pydantic, and searching for them takes each process over 15 ms.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     usual = signal.getsignal(signal.SIGINT)
     if usual is signal.default_int_handler:

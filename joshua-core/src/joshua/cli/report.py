@@ -1,4 +1,4 @@
-"""How commands read a request from options, show its findings, and choose the exit code."""
+"""Reading a request from options, showing findings, and choosing the exit code."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from joshua.planner.request import Purpose, Request
 
 
-#: Errors that an installation solves.
+#: Errors that installing something solves.
 _INSTALLABLE = ("plugin-missing", "extra-missing", "emulator-missing")
 
 
 def state_home_of(*, emulate: bool = False, simulate: bool = False) -> str:
-    """Name the folder where emulated and simulated devices keep their state; "" without them."""
+    """Return the folder for the state of emulated and simulated devices; "" without them."""
     if not (emulate or simulate):
         return ""
     from joshua.ipc.run_bases import state_home
@@ -29,7 +29,7 @@ def state_home_of(*, emulate: bool = False, simulate: bool = False) -> str:
 
 
 def request_of(arguments: argparse.Namespace, purpose: Purpose) -> Request:
-    """Turn the options of a command line into the request that ``examine`` takes."""
+    """Convert the options of a command line to the request for ``examine``."""
     from joshua.planner.request import Request
 
     emulate, simulate = getattr(arguments, "emulate", False), getattr(arguments, "sim", False)
@@ -60,7 +60,7 @@ def show_findings(result: PipelineResult, output_format: str) -> None:
 
 
 class NotStartedError(Exception):
-    """Nothing is started; the message says why, "" if the findings have said so already.
+    """Nothing is started. The message says why, "" if the findings show it.
 
     Attributes:
         code: exit code.
@@ -77,14 +77,14 @@ class NotStartedError(Exception):
         return cls("", exit_code_of(result))
 
     def show(self) -> ExitCode:
-        """Say why on standard error; returns the exit code."""
+        """Print the reason on standard error. Returns the exit code."""
         problem = f"joshua: error: {self}\n" if str(self) else ""
         sys.stderr.write(f"{problem}nothing was started\n")
         return self.code
 
 
 def exit_code_of(result: PipelineResult) -> ExitCode:
-    """Name the exit code of a result: a missing plugin counts only if nothing else is wrong."""
+    """Return the exit code of a result. A missing plugin counts only if there is no other error."""
     if not result.errors:
         return ExitCode.OK
     missing = all(item.code in _INSTALLABLE for item in result.errors)
@@ -92,6 +92,6 @@ def exit_code_of(result: PipelineResult) -> ExitCode:
 
 
 def file_missing(command: str) -> ExitCode:
-    """Say that a command needs a file."""
+    """Report that a command needs a file."""
     sys.stderr.write(f"joshua {command}: no file given: joshua {command} FILE\n")
     return ExitCode.INVALID

@@ -30,8 +30,8 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         if arguments.faults and not arguments.emulate:
             raise NotStartedError(FAULT_ALONE)
-        # First of all: the fork server must be forked before any thread or transport exists, and it loads
-        # the heavy modules while this process reads the file.
+        # First, because the fork server must be forked before any thread or transport exists, and loads the
+        # heavy modules while this process reads the file.
         from joshua.ipc.run_bases import base_directory
         from joshua.supervisor import fork_server
         from joshua.supervisor.starting import starting
@@ -73,7 +73,7 @@ def _run(arguments: argparse.Namespace, server: ForkServer, stack: ExitStack, be
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP do what Ctrl-C does, so that everything started is cleaned up.
+    """Handle SIGTERM and SIGHUP like Ctrl-C, so that everything started is cleaned up.
 
     Only the first one counts: the supervisor handles the signals during the run, and a second one must not
     interrupt the clean-up.
@@ -121,7 +121,7 @@ def supervise(plan: Plan, server: ForkServer, arguments: argparse.Namespace, beg
 
 
 def conclude(plan: Plan, report: RunReport) -> int:
-    """Name the exit code of a run; MODE_TEST prints its table, and a failed check is a failed run."""
+    """Return the exit code of a run. MODE_TEST prints its table, and a failed check fails the run."""
     if not report.judged:
         return report.exit_code
     from joshua.cli.motion_report import verdict_lines
@@ -135,7 +135,7 @@ def conclude(plan: Plan, report: RunReport) -> int:
 
 
 def draw(report: RunReport) -> None:
-    """Write how the joints moved, and name the files; a failure to write does not fail the test."""
+    """Write the recorded motion and print the file names. A failure to write does not fail the test."""
     if not any(node.traces for node in report.nodes):
         return
     from joshua.cli.motion_report import write_reports

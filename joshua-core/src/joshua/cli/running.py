@@ -1,4 +1,4 @@
-"""The running systems that a command line means, and what it says if it means none or several."""
+"""The running systems that a command line selects, and the error for none or several."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _INVALID = ("unknown-node", "unknown-verb", "invalid")
 
 
 def running_systems(word: str = "") -> list[RunningSystem]:
-    """The systems that run, or the one of a file or process id. Raises CallError if there is none."""
+    """The running systems, or the one of a file or process id. Raises CallError if there is none."""
     from joshua.ipc.client import CallError, RunningSystem
 
     if word:
@@ -34,7 +34,7 @@ def find_node(word: str, systems: list[RunningSystem], kind: str = "node") -> tu
     """The system and full name of a node.
 
     Args:
-        word: of the user; kind: ``actuator`` looks among these only.
+        word: of the user; kind: ``actuator`` searches only these.
 
     Raises:
         CallError: no node has that name, or several have.
@@ -63,14 +63,14 @@ def find_node(word: str, systems: list[RunningSystem], kind: str = "node") -> tu
 
 
 def explain(command: str, error: CallError) -> ExitCode:
-    """Say on standard error why a call failed and what is allowed; returns the exit code."""
+    """Print on standard error why a call failed and what is allowed. Returns the exit code."""
     lines = [f"joshua {command}: {error}"] + [f"  allowed: {', '.join(error.allowed)}"] * bool(error.allowed)
     sys.stderr.write("\n".join(lines) + "\n")
     return ExitCode.INVALID if error.code in _INVALID else ExitCode.FAILED
 
 
 def node_that_holds(processes: Iterable[int]) -> str:
-    """Say which node of a running system is among some processes, and what to do; "" if none is."""
+    """Name the node of a running system among some processes, and the remedy; "" if there is none."""
     wanted = set(processes)
     if not wanted:
         return ""
@@ -80,7 +80,7 @@ def node_that_holds(processes: Iterable[int]) -> str:
         try:
             nodes = system.status().nodes
         except CallError:
-            continue  # it is ending, or does not answer; the process is named all the same
+            continue  # it is ending or does not respond; its process is named anyway
         for node in nodes:
             if node.process_id in wanted:
                 return (

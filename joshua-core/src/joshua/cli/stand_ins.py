@@ -1,7 +1,7 @@
-"""Emulators and the simulation in place of a file's devices: ``--emulate``, ``--sim``, ``joshua emulate``.
+"""Replaces a file's devices by emulators or the simulation: ``--emulate``, ``--sim``, ``joshua emulate``.
 
 Only endpoints change: the same driver opens a pseudo-terminal or a loopback address. If a device has no
-emulator, nothing is started, so a run that was to be emulated never opens a real device.
+emulator, nothing is started, so an emulated run never opens a real device.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class EmulatedRig:
 def replace_devices(
     checked: Checked, arguments: argparse.Namespace, stack: ExitStack
 ) -> tuple[Checked, EmulatedRig | None]:
-    """Start what ``--sim`` and ``--emulate`` put in place of devices; ``stack`` ends it.
+    """Start the replacements of ``--sim`` and ``--emulate``. ``stack`` ends them.
 
     Returns:
         The file with the endpoints of its emulators, and these; None without ``--emulate``.
@@ -53,10 +53,10 @@ def replace_devices(
 
 
 def _simulate(checked: Checked, stack: ExitStack) -> tuple[Checked, dict[str, Coupling]]:
-    """Say what is simulated, and make the socket between the physics and emulated devices.
+    """Report the simulated devices, and create the socket between the physics and emulated devices.
 
     Returns:
-        The file, and by node name what moves the joints or draws the pictures of an emulated device.
+        The file, and the coupling of each emulated device by node name.
     """
     from joshua.ipc.run_bases import RunDirectoryError, short_base_directory
     from joshua.supervisor.run_directory import physics_folder

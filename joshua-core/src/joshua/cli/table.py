@@ -1,8 +1,8 @@
 """The commands of ``joshua``: those of the core in a table, those of plugins by their entry points.
 
 A command of a plugin is an entry point of the group ``joshua.commands``: its name is the command, its value a
-module like those in ``joshua.cli.commands``, with a ``SUMMARY``. Only a word that no command of the core has
-is looked up there.
+module like those in ``joshua.cli.commands``, with a ``SUMMARY``. Only a word that is no command of the core
+is searched there.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ ENTRY_POINT_GROUP = "joshua.commands"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Command:
-    """One row of the command table; the module is imported only when the command is used.
+    """One row of the command table. The module is imported only if the command is used.
 
     Attributes:
-        summary: one line of help; distribution: that brings the command. Either is "" where it is not known.
+        summary: one line of help; distribution: of the command. Either is "" if unknown.
     """
 
     name: str
@@ -31,8 +31,8 @@ COMMANDS = tuple(
     Command(name, f"joshua.cli.commands.{name.replace('-', '_')}", summary)
     for name, summary in (
         ("presets", "list the presets, or print one"),
-        ("new", "copy a preset to a file of your own"),
-        ("new-plugin", "write a plugin with a working driver, to make it your own"),
+        ("new", "copy a preset to a new file"),
+        ("new-plugin", "write a plugin with a working driver to start from"),
         ("plugins", "list the plugins, what each provides, and the problems of each"),
         ("status", "show the systems that run on this machine"),
         ("stop", "stop a running system"),
@@ -43,13 +43,13 @@ COMMANDS = tuple(
         ("explain", "explain a block, field, value or diagnostic code"),
         ("doctor", "check this machine and its devices, and say how to solve each problem"),
         ("emulate", "run only the emulators of a file"),
-        ("plan", "show what a file starts, without starting it"),
+        ("plan", "show the nodes that a file starts, without starting them"),
     )
 )
 
 
 class PluginCommandError(Exception):
-    """A command of a plugin cannot be used; the message says which, why, and what to do."""
+    """A command of a plugin cannot be used. The message says which, why, and what to do."""
 
 
 def plugin_commands() -> list[Command]:
@@ -58,7 +58,7 @@ def plugin_commands() -> list[Command]:
 
     from joshua.plugins.discovery import normalise
 
-    found = {  # a path that is searched twice lists them twice
+    found = {  # a folder that occurs twice in the path lists them twice
         (point.name, normalise(point.dist.name) if point.dist else "(unknown)", point.value)
         for point in metadata.entry_points(group=ENTRY_POINT_GROUP)
     }
@@ -66,10 +66,10 @@ def plugin_commands() -> list[Command]:
 
 
 def find_command(name: str) -> Command | None:
-    """Find the command of that name that a plugin brings; None if there is none.
+    """Find the command of that name from a plugin; None if there is none.
 
     Raises:
-        PluginCommandError: two plugins bring it, or it cannot be imported, or its plugin is not installed.
+        PluginCommandError: two plugins provide it, or it cannot be imported, or its plugin is not installed.
     """
     from joshua.plan import installing
     from joshua.plugins import hints
@@ -95,13 +95,13 @@ def usable_commands() -> list[Command]:
         try:
             usable.append(load_command(command))
         except PluginCommandError:
-            continue  # the command says so itself when it is used
+            continue  # reported when the command is used
         taken.add(command.name)
     return usable
 
 
 def commands_by_distribution() -> dict[str, list[str]]:
-    """Name the commands that each installed plugin brings."""
+    """List the commands of each installed plugin."""
     found: dict[str, list[str]] = {}
     for command in plugin_commands():
         found.setdefault(command.distribution, []).append(command.name)

@@ -1,4 +1,4 @@
-"""Text to ``Config``: load, include, override, positions, and the checks."""
+"""From text to ``Config``: loading, includes, overrides, positions, and checks."""
 
 from joshua.config.checks import check
 from joshua.config.loading import LoadedConfig, load

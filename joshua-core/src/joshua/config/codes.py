@@ -1,7 +1,7 @@
 """The table of diagnostic codes, by groups of rules.
 
-The rows stand in ``codes.json`` here and, for reading a text, beside ``joshua.textproto.diagnostics``. The
-documentation prints them, and a test holds that no code is raised that they lack.
+The rows are in ``codes.json`` here and, for parsing, beside ``joshua.textproto.diagnostics``. The
+documentation prints them, and a test checks that every code has a row.
 """
 
 from __future__ import annotations

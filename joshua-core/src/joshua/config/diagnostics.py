@@ -1,4 +1,4 @@
-"""Shows findings: text for people, with the source line and a caret, and JSON for editors."""
+"""Renders findings: text for people, with the source line and a caret, and JSON for editors."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _COLUMNS, _NARROWEST, _WIDEST = 80, 40, 120
 
 
 def wants_color(stream: TextIO, environment: Mapping[str, str] | None = None) -> bool:
-    """Whether output to a stream is coloured: a terminal, NO_COLOR unset or empty, TERM not ``dumb``."""
+    """Whether to colour the output to a stream: a terminal, NO_COLOR unset or empty, TERM not ``dumb``."""
     values = os.environ if environment is None else environment
     return stream.isatty() and not values.get("NO_COLOR") and values.get("TERM") != "dumb"
 
 
 def columns_of(stream: TextIO) -> int:
-    """Columns that lines for a stream are made for: those of its terminal, within reason; 80 for others."""
+    """Width of lines for a stream: that of its terminal, within limits; 80 for others."""
     if not stream.isatty():
         return _COLUMNS
     try:
@@ -53,10 +53,10 @@ def render_text(
         diagnostics: findings in any order.
         sources: file name to text, root file first.
         color: whether ANSI colours are used; see ``wants_color``.
-        columns: terminal width that lines are made for.
+        columns: terminal width for the lines.
 
     Returns:
-        Text that ends with a line break; "" when there are no findings.
+        Text that ends with a line break; "" if there are no findings.
     """
     ordered = in_order(diagnostics, sources)
     if not ordered:
@@ -86,7 +86,7 @@ def summary(diagnostics: Sequence[Diagnostic], sources: Mapping[str, str]) -> st
 
 
 def in_order(diagnostics: Iterable[Diagnostic], sources: Mapping[str, str]) -> list[Diagnostic]:
-    """Sort findings: without a place first, then in the order of ``sources``, then by line and column."""
+    """Sort findings: those without a position first, then by order in ``sources``, line and column."""
     rank = {name: index for index, name in enumerate(sources)}
 
     def key(item: Diagnostic) -> tuple[int, str, int, int, int]:
@@ -129,7 +129,7 @@ def _finding(
 
 
 def _headline(item: Diagnostic, paint: Callable[[str, str], str], color: str, columns: int) -> list[str]:
-    """Write place, severity and message; the place comes first so that terminals and editors link it."""
+    """Write position, severity and message. The position comes first, so terminals and editors link it."""
     place = f"{clean(str(item.position))}: " if item.position is not None else ""
     label = f"{item.severity.value}: "
     text = f"{clean(item.message)} [{item.code}]"
@@ -192,10 +192,10 @@ def snippet(line: str, column: int, length: int, columns: int) -> tuple[str, str
         columns: terminal columns that may be used.
     """
     first = min(max(column - 1, 0), len(line))
-    last = min(first + max(length, 1), len(line) + 1)  # a caret may stand one past the end
+    last = min(first + max(length, 1), len(line) + 1)  # a caret may be one past the end
     if len(line) <= columns and line.isascii() and line.isprintable():
         return line.rstrip(), " " * first + "^" * (last - first)
-    # Characters farther away never fit on the screen, so they are not even looked at.
+    # Characters farther away never fit on the screen, so they are skipped.
     low, high = max(0, first - 2 * columns), min(len(line), first + 2 * columns)
     cells = [cell(character) for character in line[low:high]]
     start, end, more_left, more_right = _window(cells, first - low, last - low, columns)
@@ -210,12 +210,12 @@ def snippet(line: str, column: int, length: int, columns: int) -> tuple[str, str
 
 
 def _window(cells: list[tuple[str, int]], first: int, last: int, columns: int) -> tuple[int, int, bool, bool]:
-    """Choose the cells that are shown: all, or a part around the span with room for the elisions."""
+    """Choose the cells to show: all, or a part around the span with room for the ellipses."""
     if sum(width for _, width in cells) <= columns:
         return 0, len(cells), False, False
     room = columns - 2 * len(_ELISION)
     start = min(first, len(cells))
-    # One third of the room shows what stands before the span, the rest the span and what follows.
+    # A third of the width shows the text before the span, the rest the span and the text after it.
     context = room // 3
     while start > 0 and context > 0:
         context -= cells[start - 1][1]
@@ -231,7 +231,7 @@ def _window(cells: list[tuple[str, int]], first: int, last: int, columns: int) -
 
 
 def cell(character: str) -> tuple[str, int]:
-    """Return what is shown for one character and how many columns it takes.
+    """Return the text for one character and its number of columns.
 
     Control characters become their visible pictures; surrogates and direction overrides, which can
     break or reorder the output, become the replacement character.
@@ -263,13 +263,13 @@ def clean(text: str) -> str:
 
 
 def width(text: str) -> int:
-    """Columns that text takes on a terminal."""
+    """Columns of a text on a terminal."""
     return len(text) if text.isascii() else sum(cell(character)[1] for character in text)
 
 
 def shorten(text: str, limit: int) -> str:
-    """Make text safe and cuts its middle when it takes more than ``limit`` columns."""
-    if len(text) > 4 * limit:  # so that a huge string costs nothing
+    """Make text safe, and cut its middle if it takes more than ``limit`` columns."""
+    if len(text) > 4 * limit:  # limits the work for a huge string
         text = text[: 2 * limit] + text[-2 * limit :]
     shown = clean(text)
     if width(shown) <= limit:
@@ -291,16 +291,16 @@ def render_json(diagnostics: Iterable[Diagnostic], sources: Mapping[str, str] | 
     """Render findings as a JSON array, sorted by file and position.
 
     Each object has ``code``, ``severity`` (``error``, ``warning`` or ``note``), ``message``, ``file``,
-    ``line``, ``column``, ``end_line``, ``end_column``, ``field_path``, ``found``, ``allowed`` (list,
-    nearest first), ``remedy`` and ``related`` (objects with ``label`` and a place). Lines and columns
-    count from 1, columns in characters (Unicode code points); ``end_column`` is the column after the
-    last character. A finding about no place in a file has ``null`` for ``file``, line and columns.
+    ``line``, ``column``, ``end_line``, ``end_column``, ``field_path``, ``found``, ``allowed`` (list, nearest
+    first), ``remedy`` and ``related`` (objects with ``label`` and a place). Lines and columns count from 1,
+    columns in characters (Unicode code points); ``end_column`` is the column after the last character. A
+    finding without a position in a file has ``null`` for ``file``, line and columns.
 
     Args:
         diagnostics: findings in any order.
         sources: file name to text, root file first; decides the order of the files.
     """
-    import json  # here because findings are mostly shown as text
+    import json  # imported here, because findings are mostly shown as text
 
     rows = [_row(item) for item in in_order(diagnostics, sources or {})]
     return json.dumps(rows, indent=2, ensure_ascii=True)

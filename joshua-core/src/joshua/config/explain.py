@@ -28,7 +28,7 @@ _INDEX = re.compile(r"\[[^\]]*\]")
 
 @dataclass(frozen=True)
 class Place:
-    """A field and the path by which a file reaches it, such as ``robot.actions.node.qos``."""
+    """A field and its path in a file, such as ``robot.actions.node.qos``."""
 
     path: str
     field: Any
@@ -38,7 +38,7 @@ class Catalogue:
     """The schema as a list of names.
 
     Args:
-        plugin_types: gives the messages of plugins; called only when a name is not the core's own.
+        plugin_types: returns the messages of plugins. Called only for a name unknown to the core.
     """
 
     def __init__(self, plugin_types: Callable[[], PluginTypes] = lambda: PluginTypes(())) -> None:
@@ -51,14 +51,14 @@ class Catalogue:
 
     @cached_property
     def plugin_messages(self) -> list[Any]:
-        """Descriptors of the messages that plugins bring."""
+        """Descriptors of the messages of plugins."""
         types = self._plugin_types()
         found = [types.find(name) for name in types.names()]
         return [item.DESCRIPTOR for item in found if item is not None]
 
     @cached_property
     def messages(self) -> dict[str, Any]:
-        """Blocks of the core, by the name of their message."""
+        """Blocks of the core, by message name."""
         fields = [place.field.message_type for place in self.places]
         found = [Config.DESCRIPTOR, *(item for item in fields if item is not None and item.full_name != ANY)]
         return {item.name: item for item in found}
@@ -70,15 +70,15 @@ class Catalogue:
         return {item.name: item for item in fields if item is not None}
 
     def find(self, query: str) -> list[Any]:
-        """Find what a user's word means.
+        """Find the meaning of a user's query.
 
         Args:
             query: a field path (indices are ignored), its end, a message, a message and a field, an enum,
                 an enum value, or a diagnostic code.
 
         Returns:
-            Places, descriptors of messages, enums or enum values, or the code as a string; several where
-            the word stands for several, none where it is unknown.
+            Places, descriptors of messages, enums or enum values, or the code as a string. Several where
+            the query is ambiguous, none where it is unknown.
         """
         word = _INDEX.sub("", query).strip().strip(".")
         word = word.removeprefix("joshua.")
@@ -108,14 +108,14 @@ class Catalogue:
             by_leaf.setdefault(name.rpartition(".")[2], name)
         leaf = word.rpartition(".")[2]
         known = list(by_leaf)
-        # One search looks at so many names only, so it is made in parts.
+        # A search is limited to a number of names, so it is split.
         parts = [known[start : start + _PART] for start in range(0, len(known), _PART)]
         alike = [name for part in parts for name in nearest(leaf, part, _MOST_SUGGESTIONS)]
         ordered = nearest(leaf, alike, _MOST_SUGGESTIONS)
         return [by_leaf[name] for name in dict.fromkeys((*ordered, *alike))][:_MOST_SUGGESTIONS]
 
     def _by_step(self, word: str) -> list[str]:
-        """Follow a path as far as it is right and offer the fields that resemble the first wrong step."""
+        """Follow a path as far as it is valid, and suggest fields similar to the first invalid step."""
         known = {place.path for place in self.places}
         steps = word.split(".")
         message = Config.DESCRIPTOR
@@ -126,7 +126,7 @@ class Catalogue:
                 paths = [[*steps[:number], name] for name in near]
                 whole = [[*path, *steps[number + 1 :]] for path in paths]
                 ends = [".".join(path) for path in whole if ".".join(path) in known]
-                # Without a like name, the block in which the path is still right is the best help.
+                # Without a similar name, suggest the last valid block of the path.
                 return ends or [".".join(path) for path in paths] or [".".join(steps[:number])][: number > 0]
             if field.message_type is None:
                 return [".".join(steps[: number + 1])]
@@ -154,7 +154,7 @@ class Catalogue:
     def _of_plugin(self, word: str) -> list[Any]:
         """Find the message of a plugin, a field of it, and ``plugin_config.FIELD``."""
         if "." not in word and not word[:1].isupper():
-            return []  # a bare field name never means something of a plugin
+            return []  # a bare field name never refers to a plugin
         found: list[Any] = []
         for message in self.plugin_messages:
             if word in (message.full_name, message.name):
@@ -166,7 +166,7 @@ class Catalogue:
         return found
 
     def _ends_with(self, word: str) -> list[Any]:
-        """Find the fields whose paths end in a word: one place for each message that has such a field."""
+        """Find the fields whose paths end in a word: one place per message with such a field."""
         found: dict[str, Place] = {}
         for place in self.places:
             if place.path.endswith(f".{word}"):
@@ -182,7 +182,7 @@ class Catalogue:
 
 
 def _places(message: Any, path: str, around: tuple[str, ...] = ()) -> list[Place]:
-    """List the fields of a message and of the blocks in it; a block inside itself is left out."""
+    """List the fields of a message and its blocks, without recursion into the same block."""
     found: list[Place] = []
     for field in message.fields:
         field_path = f"{path}.{field.name}" if path else field.name
@@ -194,7 +194,7 @@ def _places(message: Any, path: str, around: tuple[str, ...] = ()) -> list[Place
 
 
 def overview(width: int) -> str:
-    """Return the page of the whole file: its blocks, and how to ask further."""
+    """Return the page of the whole file: its blocks, and further queries."""
     lines = ["A configuration file holds these blocks and fields:", ""]
     lines += _children(Config.DESCRIPTOR, width)
     lines += ["", "joshua explain robot.actions          the fields of a block"]
@@ -204,7 +204,7 @@ def overview(width: int) -> str:
 
 
 def explain(found: list[Any], catalogue: Catalogue, width: int) -> str:
-    """Return the page of what ``Catalogue.find`` found; a list of places where it is more than one."""
+    """Return the page of the result of ``Catalogue.find``, or a list if there are several."""
     if len(found) > 1:
         lines = ["Several fields have this name:", ""]
         lines += _table([(place.path, first_sentence(comment(place.field))) for place in found], width)
@@ -259,7 +259,7 @@ def _field(place: Place, catalogue: Catalogue, width: int) -> list[str]:
 
 
 def facts(field: Any) -> list[tuple[str, str]]:
-    """Return what the rule of a field says, as labels and texts, for people."""
+    """Return the rule of a field as labels and texts, for people."""
     known = next(item for item in field_facts(field.containing_type) if item.name == field.name)
     found: list[tuple[str, str]] = []
     if known.kind:
@@ -303,13 +303,11 @@ def type_text(field: Any) -> str:
 def _plugin_blocks(field: Any, catalogue: Catalogue, width: int) -> list[str]:
     messages = catalogue.plugin_messages
     if not messages:
-        return _wrap(
-            "No plugin that is installed brings a block of its own; `joshua plugins` lists them.", width
-        )
+        return _wrap("No installed plugin provides a block; `joshua plugins` lists them.", width)
     rows = [(item.full_name, first_sentence(comment(item))) for item in messages]
     sample = f"{field.name} {{ [type.googleapis.com/{messages[0].full_name}] {{ … }} }}"
     return [
-        "Types of the plugins that are installed:",
+        "Types of the installed plugins:",
         *_table(rows, width),
         "",
         *_labelled("written", sample, width),
@@ -324,7 +322,7 @@ def _value(value: Any, catalogue: Catalogue, width: int) -> list[str]:
 
 
 def _users(places: list[Place], width: int) -> list[str]:
-    """Name the fields of a file that hold a block or an enum."""
+    """List the fields of a file that contain a block or an enum."""
     paths = [place.path for place in places]
     more = f" and {len(paths) - _MOST_USERS} more" if len(paths) > _MOST_USERS else ""
     return [*_labelled("used by", ", ".join(paths[:_MOST_USERS]) + more, width), ""] if paths else []
@@ -342,7 +340,7 @@ def _children(message: Any, width: int) -> list[str]:
 
 
 def _all_extensions(message: Any) -> bool:
-    """Whether a block as a whole is an extension, so that marking each of its fields says nothing."""
+    """Whether all fields of a block are extensions, so that marking each is useless."""
     return all(is_extension(field) for field in message.fields)
 
 
@@ -384,7 +382,7 @@ def _labelled(label: str, text: str, width: int) -> list[str]:
 
 
 def _table(rows: list[tuple[str, str]], width: int) -> list[str]:
-    """Print two columns; a name that is longer than the column gets a line of its own."""
+    """Print two columns. A name longer than its column gets a separate line."""
     column = min(max((len(name) for name, _ in rows), default=0), 32) + 2
     lines: list[str] = []
     for name, text in rows:

@@ -1,4 +1,4 @@
-"""Reads a configuration file into text; whatever stands at the path, the answer is a text or an error."""
+"""Reads a configuration file as text, or returns an error for whatever is at the path."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from joshua.textproto.source import Source, Span
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
-# From this many faults on, a file is not a text with a slip but something else.
+# From this many invalid bytes on, a file does not count as text.
 _BINARY_FAULTS = 20
 _SUFFIX = ".pbtxt"
 
 
 class FileId(NamedTuple):
-    """What makes two paths the same file."""
+    """The identity of a file."""
 
     device: int
     inode: int
 
 
 def file_id(path: str) -> FileId | None:
-    """Return the identity of the file at a path; None where there is none."""
+    """Return the identity of the file at a path; None if there is none."""
     try:
         found = Path(path).stat()
     except (OSError, ValueError):
@@ -41,22 +41,22 @@ def read_source(path: str, problems: Diagnostics, at: Span | None) -> Source | N
 
     Args:
         path: as diagnostics show it, relative to the working directory.
-        at: the include that asks for the file; None for the file of the command line.
+        at: the include that names the file; None for the file of the command line.
 
     Returns:
-        The text, repaired where single bytes are wrong; None where there is no text to go on with.
+        The text, with single invalid bytes repaired; None if there is no usable text.
     """
     data = read_bytes(path, problems, at)
     return None if data is None else decode_source(path, data, problems, at)
 
 
 def read_bytes(path: str, problems: Diagnostics, at: Span | None) -> bytes | None:
-    """Read the bytes of a file; the arguments are those of ``read_source``, None where there are none."""
+    """Read the bytes of a file; None on failure. Arguments as for ``read_source``."""
     if not path:
         problems.error("file-missing", "The path of the configuration file is empty.", at, found='""')
         return None
     try:
-        # Opening a pipe or a device could block or act on it, so the kind is asked before.
+        # Opening a pipe or a device could block or act on it, so its kind is checked first.
         kind = Path(path).stat()
         if not _is_regular(path, kind.st_mode, problems, at):
             return None
@@ -92,7 +92,7 @@ def _missing(path: str, problems: Diagnostics, at: Span | None) -> None:
 
     where = Path(path)
     candidates = _configurations_in(str(where.parent))
-    # What all names end with would make each of them look like every other.
+    # The common suffix would make all names look similar.
     stems = {name.removesuffix(_SUFFIX): name for name in candidates}
     near = [stems[stem] for stem in nearest(where.stem, list(stems))]
     if f"{where.name}{_SUFFIX}" in candidates:
@@ -122,7 +122,7 @@ def _too_large(path: str, size: str, problems: Diagnostics, at: Span | None) -> 
 
 
 def _configurations_in(folder: str) -> list[str]:
-    """List the names of the configuration files in a folder; none where it cannot be read."""
+    """List the names of the configuration files in a folder; none if it cannot be read."""
     try:
         with os.scandir(folder) as entries:
             return sorted(entry.name for entry in entries if entry.name.endswith(_SUFFIX))[:100]
@@ -131,7 +131,7 @@ def _configurations_in(folder: str) -> list[str]:
 
 
 def decode_source(path: str, data: bytes, problems: Diagnostics, at: Span | None) -> Source | None:
-    """Turn the bytes of a file into text; the arguments and the result are those of ``read_source``."""
+    """Decode the bytes of a file. Arguments and result as for ``read_source``."""
     if len(data) > MAX_FILE_BYTES:
         _too_large(path, f"more than {MAX_FILE_BYTES} bytes", problems, at)
         return None
@@ -145,7 +145,7 @@ def decode_source(path: str, data: bytes, problems: Diagnostics, at: Span | None
     found = () if is_clean else re.finditer("[\0\udc80-\udcff]", text)
     faults = [(match.start(), ord(match[0])) for match in found]
     if len(faults) >= _BINARY_FAULTS:
-        message = f"{path} is not a text file: it holds many bytes that no text contains."
+        message = f"{path} is not a text file: many of its bytes are invalid in text."
         remedy = "Give the path of a configuration file."
         problems.error("not-utf8", message, at, found="binary data", remedy=remedy)
         return None

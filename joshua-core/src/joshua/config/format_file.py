@@ -1,4 +1,4 @@
-"""Formats configuration files in place: reads, formats, checks the result, and replaces the file at once."""
+"""Formats configuration files in place: reads, formats, checks the result, replaces atomically."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Formatted:
     """The outcome for one text.
 
     Attributes:
-        text: formatted; None where there are diagnostics.
+        text: formatted; None if there are diagnostics.
         is_changed: whether it differs from the original.
-        diagnostics: what keeps the text from being formatted; sources: for showing them.
+        diagnostics: why the text cannot be formatted; sources: for rendering them.
     """
 
     text: str | None
@@ -44,13 +44,13 @@ def format_file(path: str) -> Formatted:
 
 
 def format_bytes(name: str, data: bytes) -> Formatted:
-    """Format a text; diagnostics call it ``name``."""
+    """Format a text, called ``name`` in diagnostics."""
     problems = Diagnostics()
     return _format(decode_source(name, data, problems, None), problems, data)
 
 
 def replace_file(path: str, text: str) -> None:
-    """Replace the content of a file in one step, so that no reader ever sees half of it; keeps its mode.
+    """Replace the content of a file atomically, keeping its mode.
 
     Raises:
         OSError: if the folder or the file cannot be written.
@@ -63,7 +63,7 @@ def replace_file(path: str, text: str) -> None:
             file.write(text.encode())
             file.flush()
             os.fchmod(handle, status.st_mode & 0o7777)
-            with contextlib.suppress(PermissionError):  # only root may give a file away
+            with contextlib.suppress(PermissionError):  # only root may change the owner of a file
                 os.fchown(handle, status.st_uid, status.st_gid)
             os.fsync(handle)
         Path(name).replace(target)
@@ -84,8 +84,8 @@ def _format(source: Source | None, problems: Diagnostics, original: bytes) -> Fo
     again_tokens = tokenize(again)
     again_fields = Parser(again, again_tokens, problems).document()
     if len(problems) or not same_content((source, tokens, fields), (again, again_tokens, again_fields)):
-        # No text is known for which this happens; should there be one, it must not be damaged.
-        problems.error("format-refused", f"Formatting would change what {source.name} says.", None)
+        # No text is known for which this happens. If there is one, it must not be damaged.
+        problems.error("format-refused", f"Formatting would change the content of {source.name}.", None)
         return Formatted(None, diagnostics=problems.items, sources=_sources(source))
     return Formatted(text, is_changed=text.encode() != original)
 

@@ -1,4 +1,4 @@
-"""Makes the graph of a configuration: resolved topic names and the QoS that is in force."""
+"""Makes the graph of a configuration, with resolved topic names and effective QoS."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DEFAULT_DEPTH = 10
 
 
 def build_graph(config: pb.Config) -> RobotGraph:
-    """Make the graph of the nodes of a configuration; the services of its mode are added by the planner."""
+    """Make the graph of a configuration's nodes. The planner adds the services of its mode."""
     entries = tuple(node_entries(config))
     publishers = [
         _endpoint(entry, f"{entry.path}.publishers[{index}]", block, is_publisher=True)
@@ -38,7 +38,7 @@ def build_graph(config: pb.Config) -> RobotGraph:
 
 
 def offered_profile(graph: RobotGraph, topic: str) -> QosProfile:
-    """The profile of a subscription without one of its own: what the topic's publishers have in common."""
+    """The profile of a subscription without one: what the topic's publishers have in common."""
     offered = [item.qos for item in graph.endpoints if item.is_publisher and item.topic == topic]
     return reduce(common_profile, offered) if offered else QosProfile()
 
@@ -71,7 +71,7 @@ def resolve_topic(name: str, namespace: str, node_name: str) -> str:
 
 
 def profile(block: pb.QoSSettings) -> QosProfile:
-    """Turn a ``qos`` block into a profile, defaults filled in."""
+    """Convert a ``qos`` block into a profile with defaults."""
     return QosProfile(
         reliability="BEST_EFFORT" if block.reliability == pb.BEST_EFFORT else "RELIABLE",
         durability="TRANSIENT_LOCAL" if block.durability == pb.TRANSIENT_LOCAL else "VOLATILE",
@@ -87,7 +87,7 @@ def profile(block: pb.QoSSettings) -> QosProfile:
 def common_profile(one: QosProfile, other: QosProfile) -> QosProfile:
     """The strictest profile that two publishers both satisfy, as a subscription may request it.
 
-    Source: the «best available» policies of the ROS 2 documentation, «Quality of Service settings».
+    Source: the "best available" policies of the ROS 2 documentation, "Quality of Service settings".
     """
     if one == other:
         return one
@@ -106,7 +106,7 @@ def common_profile(one: QosProfile, other: QosProfile) -> QosProfile:
 
 
 def _longest(one_s: float, other_s: float) -> float:
-    """The longer of two durations, of which 0 stands for none."""
+    """The longer of two durations; 0 means unlimited."""
     return max(one_s, other_s) if one_s > 0 and other_s > 0 else 0.0
 
 

@@ -1,4 +1,4 @@
-"""Relative paths of input files: they start at the folder of the file that names them."""
+"""Paths of input files, relative to the folder of the file that contains them."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def with_absolute_paths(block: _Block, block_path: str, positions: Positions, so
         block: a configuration block.
         block_path: its field path, such as ``robot.perceptions[0].camera_config``.
         positions: of the loaded configuration.
-        source: the configuration file, for values that stand in none, such as those of ``--set``.
+        source: the configuration file, for values outside a file, such as those of ``--set``.
 
     Returns:
-        The block itself where it names no relative path, else a changed copy.
+        The block itself if it has no relative path, else a changed copy.
     """
     changed = dict(_absolute(block, block_path, positions, source))
     if not changed:
@@ -39,7 +39,7 @@ def with_absolute_paths(block: _Block, block_path: str, positions: Positions, so
 
 
 def folder_of(positions: Positions, path: str, source: str) -> Path:
-    """The folder of the file that holds a field; that of the configuration for values that stand in none."""
+    """The folder of the file that contains a field; that of the configuration for values outside a file."""
     position = positions.value(path)
     is_in_file = position is not None and Path(position.file).is_file()
     return Path(position.file if position is not None and is_in_file else source).absolute().parent

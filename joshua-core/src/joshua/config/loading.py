@@ -1,4 +1,4 @@
-"""A path to one merged configuration: reads the file, what it includes, and the ``--set`` options."""
+"""Loads and merges a configuration: the file, its includes, and the ``--set`` options."""
 
 from __future__ import annotations
 
@@ -32,18 +32,19 @@ _ROBOT_ID = r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoadedConfig:
-    """A configuration as its files give it; with errors in them it holds what could be read.
+    """A configuration from its files. If they have errors, it contains what could be read.
 
     Attributes:
-        path: of the file that was asked for.
-        config: the merged message; ``include`` keeps the paths that the files name.
-        positions: where each field stands. A field whose value could not be read is set and broken
-            (``positions.is_broken``): the message holds its default, about which no more need be said.
-        diagnostics: what reading found, file by file and from top to bottom.
-        sources: file name, as positions give it, to text; the file itself first, the options of
-            ``--set`` last, one to a line.
-        is_readable: False where the file itself could not be read, so that nothing is known about it.
-        calibration_file: the robot's calibration file, where it was loaded because no other file holds one.
+        path: of the requested file.
+        config: the merged message. ``include`` keeps the paths in the files.
+        positions: position of each field. A field whose value could not be read is set and broken
+            (``positions.is_broken``). The message then contains its default, which needs no further findings.
+        diagnostics: findings of reading, file by file and from top to bottom.
+        sources: file name, as in positions, to text. The file itself is first, the options of ``--set`` last,
+            one per line.
+        is_readable: False if the file itself could not be read and nothing is known about it.
+        calibration_file: the robot's calibration file, if it was loaded because no other file has a
+        calibration.
     """
 
     path: str
@@ -61,10 +62,10 @@ class LoadedConfig:
 
 
 def calibration_path(config_path: str, robot_id: str) -> str:
-    """Path of a robot's calibration file; "" for an id that can name none.
+    """Path of a robot's calibration file; "" for an invalid id.
 
     Args:
-        config_path: of the configuration that it stands beside.
+        config_path: of the configuration in the same folder.
     """
     if not re.fullmatch(_ROBOT_ID, robot_id):
         return ""
@@ -73,7 +74,7 @@ def calibration_path(config_path: str, robot_id: str) -> str:
 
 
 def journal_path(calibration_file: str, node_name: str) -> str:
-    """Path of the note that an arm's calibration is being written; it stays where that was interrupted."""
+    """Path of the file that marks an arm's calibration as being written. It remains if interrupted."""
     return f"{calibration_file.removesuffix('.pbtxt')}.{node_name}.interrupted.json"
 
 
@@ -85,22 +86,22 @@ def load(
         path, config.general.id
     ),
 ) -> LoadedConfig:
-    """Load a configuration file; never raises for what stands in it.
+    """Load a configuration file. Never raises because of its content.
 
-    A file without a calibration gets that of its robot, where there is one.
+    A file without a calibration gets that of its robot, if there is one.
 
     Args:
         path: of the file.
         overrides: options of ``--set``, such as ``general.name=demo``; the last one wins.
-        message_types: types for ``plugin_config`` blocks: message classes, or import strings of
-            compiled ``_pb2`` modules. They are looked at only when a block asks.
+        message_types: types for ``plugin_config`` blocks: message classes, or import strings of compiled
+            ``_pb2`` modules. They are loaded only if a block needs them.
         calibration: names the calibration file of a configuration by its path and content; "" for none.
     """
     return _Loading(os.fspath(path), PluginTypes(message_types)).run(overrides, calibration)
 
 
 class _OpenFile(NamedTuple):
-    """A file that is being read, for the chain of includes."""
+    """A file being read, for the chain of includes."""
 
     identity: FileId
     name: str

@@ -1,6 +1,6 @@
 """The naming rules of ROS 2 for topics, nodes, namespaces and frames.
 
-Source: the ROS 2 design article «Topic and Service name mapping to DDS» and the validation functions of
+Source: the ROS 2 design article "Topic and Service name mapping to DDS" and the validation functions of
 ``rcl`` and ``rmw`` (``rmw/validate_full_topic_name.h``, ``validate_node_name.h``, ``validate_namespace.h``).
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-# DDS topic names hold 255 characters; ROS 2 keeps eight of them for its prefixes.
+# DDS topic names have up to 255 characters. ROS 2 reserves eight of them for its prefixes.
 MAX_TOPIC_LENGTH = 247
 MAX_NAMESPACE_LENGTH = 245
 MAX_NODE_NAME_LENGTH = 255
@@ -23,9 +23,9 @@ class NameFault(NamedTuple):
     """A broken naming rule.
 
     Attributes:
-        rule: what the rule says, one sentence.
-        offset, length: the part of the name that breaks it, in characters.
-        suggestion: a valid name close to it; "" where none can be made.
+        rule: the rule in one sentence.
+        offset, length: the invalid part of the name, in characters.
+        suggestion: a similar valid name; "" if there is none.
     """
 
     rule: str
@@ -88,7 +88,7 @@ def is_hidden(name: str) -> bool:
 
 
 def has_repeated_underscores(name: str) -> bool:
-    """Whether a name has ``__``, which ROS 2 keeps for its own use."""
+    """Whether a name has ``__``, which ROS 2 reserves."""
     return "__" in name
 
 
@@ -126,7 +126,7 @@ def _fault(name: str, rule: str, offset: int, length: int) -> NameFault:
 
 
 def _cleaned(name: str) -> str:
-    """Make a valid name that looks like the given one; "" where nothing valid is left."""
+    """Make a similar valid name; "" if nothing valid is left."""
     prefix = "~/" if name.startswith("~") else "/" if name.startswith("/") else ""
     parts = [re.sub(_NOT_WORD, "_", part).strip("_") for part in name.lstrip("~").split("/")]
     parts = [f"n{part}" if part[0].isdigit() else part for part in parts if part]

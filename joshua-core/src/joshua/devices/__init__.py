@@ -1,1 +1,1 @@
-"""Devices: base classes of actuators and sensors, their node behaviours, and the mock devices."""
+"""Devices: base classes of actuators and sensors, and their node behaviours."""

@@ -38,12 +38,12 @@ class JointLimits:
 
 @dataclass(frozen=True)
 class JointReading:
-    """State of all joints at one acquisition.
+    """State of all joints at one time.
 
     Attributes:
         stamp_ns: acquisition time, ns since the epoch.
         position_rad, velocity_rad_s: shape (N,).
-        effort: N·m, or the fraction of stall torque where the device has no torque sensor, shape (N,).
+        effort: N·m, or the fraction of stall torque if the device has no torque sensor, shape (N,).
     """
 
     stamp_ns: int
@@ -73,7 +73,7 @@ class Actuator(Device):
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints, in joint order: those of its ``ActuatorSettings``."""
-        if self._joint_names is None:  # asked in each control cycle
+        if self._joint_names is None:  # read in each control cycle
             self._joint_names = tuple(joint.name for joint in self.settings.joints())
         return self._joint_names
 
@@ -102,13 +102,13 @@ class Actuator(Device):
         """Reads the state of all joints.
 
         Raises:
-            DeviceDisconnected: the device is gone.
-            DeviceSilent: it did not answer; the node reads again, and fails where that lasts.
-            SafetyTripped: a protection has just taken the torque off; reading goes on after that.
+            DeviceDisconnected: the device is disconnected.
+            DeviceSilent: no reply; the node reads again, and fails if that continues.
+            SafetyTripped: a protection has just switched the torque off. Reading still works afterwards.
         """
 
     def prepare(self) -> None:
-        """Clears what the device keeps of faults that are over, before it gets torque. Raises DeviceError."""
+        """Clears latched faults of the device before its torque is enabled. Raises DeviceError."""
 
     @abstractmethod
     def enable(self) -> None:
@@ -116,35 +116,35 @@ class Actuator(Device):
 
     @abstractmethod
     def write(self, goal_rad: FloatArray) -> FloatArray:
-        """Commands positions, shape (N,); returns what was really written after clamp and rate limit.
+        """Commands positions, shape (N,); returns the goal written after clamp and rate limit.
 
         Raises ValueError for a wrong shape or a value that is not finite.
         """
 
     @abstractmethod
     def hold(self) -> None:
-        """Stops where the joints are, torque as it is."""
+        """Stops the joints at their present positions. Does not change the torque."""
 
     @abstractmethod
     def release(self) -> None:
-        """Takes torque off all joints."""
+        """Switches the torque of all joints off."""
 
     @property
     def relaxed(self) -> Mapping[str, str]:
-        """Joints whose torque a protection took off while the others keep theirs, and why; by joint name.
+        """Joints whose torque alone a protection switched off, with the reason, by name.
 
-        ``write`` and ``hold`` leave them out until ``rejoin``.
+        ``write`` and ``hold`` skip them until ``rejoin``.
         """
         return {}
 
     def rejoin(self) -> None:
-        """Energises the relaxed joints where they are. Raises DeviceError, also while the cause lasts."""
+        """Energises the relaxed joints where they are. Raises DeviceError, also while the cause persists."""
 
     def check(self) -> None:
-        """Looks once more whether the open device is the right one and in order. Raises DeviceError."""
+        """Checks again that the open device is the right one and works. Raises DeviceError."""
 
     def read_torque(self) -> dict[str, bool] | None:
-        """Reads back which joints have torque, by name; None where the device cannot say.
+        """Reads back which joints have torque, by name; None if the device cannot report it.
 
         Raises DeviceDisconnected.
         """
@@ -153,45 +153,47 @@ class Actuator(Device):
     def safe_stop_request(
         self, action: str, *, park_pose_rad: Sequence[float] = (), timeout_s: float = 2.0
     ) -> SafeStopRequest:
-        """What brings the device into its safe state without this driver, of the class that the plugin names.
+        """The request that applies the safe state without this driver, of the class that the plugin names.
 
         Args:
             action: ``HOLD``, ``RELEASE`` or ``PARK_THEN_RELEASE``; park_pose_rad: of that, shape (N,).
-            timeout_s: by when it is to be done.
+            timeout_s: time limit.
 
         Raises:
-            NotImplementedError: the plugin names a safe-stop action, and its driver does not prepare it.
+            NotImplementedError: the plugin names a safe-stop action, but its driver does not implement it.
         """
-        raise NotImplementedError(f"{type(self).__name__} prepares no safe stop: override safe_stop_request")
+        raise NotImplementedError(
+            f"{type(self).__name__} does not implement its safe stop: override safe_stop_request"
+        )
 
     def diagnostics(self) -> Sequence[DiagnosticStatus]:
-        """What ``/diagnostics`` says of the device once a second: one row for each part, as last read.
+        """The rows of ``/diagnostics`` for the device, once a second: one for each part, as last read.
 
-        Called between two control cycles: no input or output here. None by default; the node adds a row for
-        the whole actuator, and one for each joint where there are none.
+        Called between two control cycles: do no input or output here. None by default. The node adds a row
+        for the whole actuator, and one for each joint if there are no rows.
         """
         return ()
 
     @property
     def further_types(self) -> tuple[str, ...]:
-        """ROS 2 types that it can publish besides its joints, such as ``sensor_msgs/msg/BatteryState``."""
+        """Further ROS 2 types that it can publish, such as ``sensor_msgs/msg/BatteryState``."""
         return ()
 
     def further_message(self, type_name: str, frame_id: str) -> Any | None:
-        """A message of one of ``further_types``, as last read; None while nothing was read.
+        """A message of one of ``further_types``, as last read; None before the first reading.
 
-        Called between two control cycles: no input or output here.
+        Called between two control cycles: do no input or output here.
         """
-        raise NotImplementedError(f"{type(self).__name__} offers {type_name} and does not make it")
+        raise NotImplementedError(f"{type(self).__name__} declares {type_name} but does not implement it")
 
     def calibration_target(self) -> Any:
-        """What a calibration works on, which opens the device itself; this object stays unconnected.
+        """The target of a calibration, which opens the device itself. This object stays unconnected.
 
-        It is a ``CalibrationTarget`` of the distribution ``joshua-calibration``; import that here, so that
-        a driver runs without it.
+        It is a ``CalibrationTarget`` of the distribution ``joshua-calibration``; import it in this method,
+        because a driver runs without it.
 
         Raises:
-            NotImplementedError: the device has nothing to calibrate.
+            NotImplementedError: the device needs no calibration.
         """
         raise NotImplementedError(f"{type(self).__name__} cannot be calibrated: override calibration_target")
 
@@ -199,7 +201,7 @@ class Actuator(Device):
         """Returns a goal as a new float array of shape (N,).
 
         Raises:
-            ValueError: the shape is another one, or a value is not finite; says which joint.
+            ValueError: the shape differs, or a value is not finite. The message names the joint.
         """
         names = self.joint_names
         goal = np.array(goal_rad, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""The node of an actuator: publishes its state, follows its commands, ends in its safe state."""
+"""The node of an actuator: publishes its state, executes commands, leaves the joints in their safe state."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from joshua.plan import ActuatorFacts, JointTrace, TopicSpec
 
 BOOL = "std_msgs/msg/Bool"
 
-#: Rate of the control loop of an actuator that publishes nothing.
+#: Rate of the control loop for an actuator without publishers.
 CONTROL_RATE_HZ = 50.0
 
 
@@ -38,15 +38,14 @@ class ActuatorNode(NodeBehaviour):
     """The standard behaviour of actuators.
 
     One timer, at the rate of the fastest publisher, reads and publishes the state, then writes the newest
-    command. What was written is published on ``~/applied_command``. A leader is read only and never gets
-    torque; neither does an actuator that has no commander.
+    command. The written goal is published on ``~/applied_command``. A leader, or an actuator without a
+    commander, is only read and never gets torque.
 
-    It is in fault, which means that it reads, gives no torque and writes nothing until ``resume``: after a
-    failure (``restarted`` in its facts; torque is then as the safe state has left it), after a trip of a
-    protection, after an e-stop, and where commands stayed away for longer than its policy allows (the torque
-    is off).
-    With a ``safe_stop`` in its facts it has a guardian from before the joints get torque until their safe
-    state stands.
+    In a fault, it only reads until ``resume``, without enabling torque or writing. A fault follows a failure
+    (``restarted`` in its facts; the torque stays as the safe state left it), a trip of a protection, an
+    e-stop, or commands that stopped for longer than its policy allows (the torque is off). With a
+    ``safe_stop`` in its facts, it has a guardian from before the joints get torque until they are in their
+    safe state.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -125,7 +124,7 @@ class ActuatorNode(NodeBehaviour):
             self._commands = [intake.subscribe(topic, actuator.joint_names) for topic in spec.subscriptions]
 
     def _check_joints(self, before: tuple[str, ...], after: tuple[str, ...]) -> None:
-        """Refuses a driver whose joints are others once it is connected, or others than the plan's."""
+        """Refuses a driver whose joints differ from the plan's, or change when it connects."""
         planned = tuple(joint.name for joint in self._facts.joints) or before
         for names, whose in ((before, "before connect"), (planned, "in its settings")):
             if names != after:
@@ -136,10 +135,10 @@ class ActuatorNode(NodeBehaviour):
                 )
 
     def activate(self) -> None:
-        """Energises the joints where they are, if anybody commands them, and starts the control loop."""
+        """Energises the joints where they are, if they have a commander, and starts the control loop."""
         actuator, _ = self._device()
         if self._is_leader:
-            actuator.release()  # a person moves it, also where an earlier run has left it holding
+            actuator.release()  # a person moves it, even if an earlier run left it holding
         if self._safety.latch() is not None:
             self._watch()
         elif self._is_commanded and self._facts.restarted:
@@ -155,12 +154,12 @@ class ActuatorNode(NodeBehaviour):
                 self._diagnostics.start()
 
     def energise(self) -> None:
-        """Gives torque to the joints where they are; from then on they follow commands."""
+        """Enables torque at the present positions. The joints then follow commands."""
         actuator, goals = self._device()
-        actuator.prepare()  # a device that starts anew for that may count otherwise, also for its guardian
+        actuator.prepare()  # a device that restarts for that may count differently, also for its guardian
         goals.seed(actuator.read().position_rad)
         self._safety.guard(actuator)
-        # Whatever fails from here on, the safe state is called for.
+        # Whatever fails from here on requires the safe state.
         self._energised = self._safety.in_doubt = True
         actuator.enable()
         self._safety.in_doubt = False
@@ -195,13 +194,13 @@ class ActuatorNode(NodeBehaviour):
             self._energised = False
             self._safety.stand_down()
             raise RefusedError(f"{name}: the fault is still there: {error}") from error
-        self._stopped_by = ""  # its release need not be noticed any more
+        self._stopped_by = ""  # its release need not be reported any more
         self._leave_fault()
         return f"{name}: torque is on again; the joints approach the next command slowly"
 
     @verb(moves=True)
     def release_override(self) -> str:
-        """Ends an override: the leader or model of the file has control again."""
+        """Ends an override and returns control to the leader or model of the file."""
         name, commanders = self.context.spec.full_name, self._commanders
         if commanders is None or not commanders.overriding:
             raise RefusedError(f"{name} has no override to release")
@@ -243,7 +242,7 @@ class ActuatorNode(NodeBehaviour):
             self._safety.finish()
 
     def test_results(self) -> list[tuple[str, bool, str]]:
-        """Rates, commands, tracking error, range, and a fault that was not ended."""
+        """Rates, commands, tracking error, range, and an unresolved fault."""
         results = [*self._outputs.checks(), *self._test.results(self._commands)]
         return [*results, ("torque", False, self._status.fault)] if self._status.fault else results
 
@@ -311,7 +310,7 @@ class ActuatorNode(NodeBehaviour):
             self._arrivals.end(self._cycle)
 
     def _watch(self) -> None:
-        """Shows the guardian a sign of life, and obeys an e-stop."""
+        """Sends the guardian a heartbeat and obeys an e-stop."""
         actuator, _ = self._device()
         self._safety.beat()
         if self._commanders is not None:
@@ -331,7 +330,7 @@ class ActuatorNode(NodeBehaviour):
             self._enter_fault(f"{said}: {latch.text}")
 
     def _trip(self, error: SafetyTripped) -> None:
-        """A protection has taken the torque off; unless the device confirms that, the guardian acts."""
+        """Handles torque off by a protection. If the device does not confirm it, the guardian acts."""
         if not error.released:
             self._safety.before_torque_off()
             raise error
@@ -340,7 +339,7 @@ class ActuatorNode(NodeBehaviour):
         self._enter_fault(str(error))
 
     def _obey(self, policy: StalePolicy, actuator: Actuator, reading: JointReading) -> None:
-        """Takes the torque off once commands were away for too long; the guardian does where that fails."""
+        """Switches the torque off when commands have stopped for too long; if that fails, by the guardian."""
         reason = policy.look(reading.position_rad, time.monotonic())
         if reason:
             self._safety.before_torque_off()
@@ -361,7 +360,7 @@ class ActuatorNode(NodeBehaviour):
         self.context.fault("")
 
     def _diagnosed(self, actuator: Actuator) -> list[DiagnosticStatus]:
-        """The rows for ``/diagnostics``; shows who commands in the status line, too."""
+        """Returns the rows for ``/diagnostics``, and shows the commander in the status line."""
         if self._commanders is not None:
             self.context.show(self._commanders.shown)
         return self._status.rows(actuator, self._commanders)
@@ -380,7 +379,7 @@ class ActuatorNode(NodeBehaviour):
         )
 
     def _publish_written(self, written: FloatArray, stamp_ns: int) -> None:
-        """With the time that the goal was made for: what holds the process up later is none of its speed."""
+        """Publishes with the time of the goal: later delays of the process do not distort its speed."""
         assert self._actuator is not None
         if self._written is not None:
             names, frame_id = self._actuator.joint_names, self.context.spec.frame_id

@@ -1,4 +1,4 @@
-"""The safe state of an actuator as its node sees it: applied here, or handed to the guardian."""
+"""The safe state of an actuator, for its node: applied here or by the guardian."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from joshua.guardian.order import HANG_LIMIT_S, GuardianOrder
 from joshua.node.context import NodeContext
 from joshua.plan import ActuatorFacts, SafeStop
 
-#: Time for an e-stop that reaches a device without its driver.
+#: Time limit of an e-stop that acts on a device without its driver.
 ESTOP_TIMEOUT_S = 2.0
 
 HOLD, RELEASE, PARK = "HOLD", "RELEASE", "PARK_THEN_RELEASE"
@@ -26,7 +26,7 @@ class ActuatorSafety:
     """Safe state and guardian of one node.
 
     Attributes:
-        in_doubt: the driver cannot say which joints have torque; their guardian finds out.
+        in_doubt: the driver does not know which joints have torque. Their guardian finds out.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -43,20 +43,20 @@ class ActuatorSafety:
         self.in_doubt = False
 
     def introduce(self, actuator: Actuator) -> None:
-        """Leaves what an e-stop needs if the driver of this open device cannot answer."""
+        """Stores what an e-stop needs if the driver of this open device does not respond."""
         action = self._facts.estop_action
         if action:
-            with contextlib.suppress(NotImplementedError):  # who wants torque from it hears of that
+            with contextlib.suppress(NotImplementedError):  # the error is reported when torque is requested
                 request = actuator.safe_stop_request(RELEASE, timeout_s=ESTOP_TIMEOUT_S)
                 self._files.leave_order(self._node, action, request.to_values())
 
     def remembered(self) -> dict[str, Any]:
-        """For a restarted driver: how the one before it in the same run reached the device."""
+        """For a restarted driver: how the previous one in the same run reached the device."""
         order = self._files.read_order(self._node) if self._facts.restarted else None
         return {} if order is None else order[1]
 
     def latch(self) -> Latch | None:
-        """The e-stop that stands, if any; takes some microseconds."""
+        """The latched e-stop, if any. Takes some microseconds."""
         return None if self._latches is None else self._latches.standing(self._subject)
 
     def guard(self, actuator: Actuator) -> None:
@@ -91,7 +91,7 @@ class ActuatorSafety:
         self._context.log.debug("guardian: process %d", self._link.process_id)
 
     def apply(self, actuator: Actuator) -> None:
-        """Applies the safe state; ``finish`` does the rest. Raises what the device raises."""
+        """Applies the safe state, to be completed by ``finish``. Raises what the device raises."""
         if self._link is not None:
             self._say_stopping()
         if self.in_doubt and self._link is not None:
@@ -106,13 +106,13 @@ class ActuatorSafety:
         elif self._link is None or self._state == RELEASE:
             actuator.release()
             self._applied = RELEASE
-        # else its guardian parks it as soon as the device is closed
+        # otherwise its guardian parks it as soon as the device is closed
 
     def stop_now(self, actuator: Actuator, latch: Latch) -> str:
-        """Obeys an e-stop; returns what the device has said.
+        """Obeys an e-stop and returns the device's confirmation.
 
         Raises:
-            DeviceError: it does not say that its torque is off; then ``finish`` lets the guardian act.
+            DeviceError: it does not confirm that its torque is off. Then ``finish`` lets the guardian act.
         """
         if self._link is not None:
             self._say_stopping()
@@ -137,25 +137,25 @@ class ActuatorSafety:
         return f"with torque on at {', '.join(on)} only" if on else "with torque off"
 
     def stand_down(self) -> None:
-        """Lets the guardian go: the device has confirmed that the joints have no torque."""
+        """Ends the guardian, because the device has confirmed that the joints have no torque."""
         link, self._link = self._link, None
         self.in_doubt = False
-        if link is not None:  # its end takes longer than a control loop may be silent
+        if link is not None:  # its end takes longer than the hang limit of a control loop
             threading.Thread(target=link.done, name="guardian's end", daemon=True).start()
 
     def before_torque_off(self) -> None:
-        """Says that the driver takes the torque off now; where it fails, the guardian does.
+        """Announces that the driver switches the torque off. If that fails, the guardian does it.
 
-        Whatever the safe state is: after a trip of a protection, and where commands stay away.
+        Independent of the safe state: after a trip of a protection, and when commands have stopped.
         """
         self.in_doubt = True
         if self._link is not None:
-            with contextlib.suppress(GuardianError):  # the failure of the node says that it is gone
+            with contextlib.suppress(GuardianError):  # the failure of the node reports that it is gone
                 self._link.release_only()
                 self._link.stopping()
 
     def finish(self) -> None:
-        """Lets the guardian go, or act where the driver could not. Raises DeviceError if that fails."""
+        """Ends the guardian, or lets it act if the driver could not. Raises DeviceError if that fails."""
         link, self._link = self._link, None
         if link is None:
             return
@@ -173,17 +173,17 @@ class ActuatorSafety:
         self._context.log.info("safe state %s: %s %s", state, joints, report.get("detail", ""))
 
     def _release(self, actuator: Actuator, latch: Latch) -> str:
-        """Takes the torque off, reads it back and reports; returns what the device said.
+        """Switches the torque off, reads it back and reports. Returns the device's confirmation.
 
         Raises:
-            DeviceError: the device does not confirm that; a guardian, if there is one, then acts and reports.
+            DeviceError: the device does not confirm that. A guardian, if there is one, then acts and reports.
         """
         try:
             actuator.release()
             torque = actuator.read_torque()
             on = [joint for joint, has_torque in (torque or {}).items() if has_torque]
             if on:
-                raise DeviceError(f"torque of {', '.join(on)} is still on: cut the supply by hand")
+                raise DeviceError(f"torque of {', '.join(on)} is still on: disconnect the power supply")
         except DeviceError as error:
             if self._link is None:
                 self._report(latch, complete=False, verified=False, detail=str(error))
@@ -211,7 +211,7 @@ class ActuatorSafety:
             self._link = None
 
     def beat(self) -> None:
-        """Shows a sign of life. Raises DeviceError if nobody guards any more."""
+        """Sends a heartbeat. Raises DeviceError if the guardian is gone."""
         if self._link is None:
             return
         try:

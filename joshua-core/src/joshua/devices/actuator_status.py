@@ -1,4 +1,4 @@
-"""How an actuator is, for ``/diagnostics``: the whole of it, and its joints as last read."""
+"""The state of an actuator for ``/diagnostics``: of the whole, and of each joint as last read."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from joshua.devices.errors import DeviceSilent
 from joshua.guardian.silence import AwakeClock
 from joshua.plan import NodeSpec
 
-#: A hub that settles keeps every reply back for a tenth of a second or two. Nothing is written meanwhile, so
-#: the joints stay at their last goal.
+#: A USB hub that re-enumerates delays every reply by 0.1 to 0.2 s. Nothing is written meanwhile, so the
+#: joints stay at their last goal.
 SILENCE_LIMIT_S = 0.4
 
-#: What holds the device up may hold its driver up, too: so many readings are tried at least …
+#: A delay of the device may delay its driver, too. So at least this many readings are tried …
 LEAST_MISSES = 5
 #: … within this time.
 LONGEST_SILENCE_S = 1.0
 
 
 class Patience:
-    """Judges readings that did not come; one for each actuator.
+    """Decides how many missed readings of an actuator are tolerated.
 
     Args:
-        limit_s: silence of the device that its node does not bear; clock: seconds that never run backwards.
+        limit_s: time without a reply that its node does not tolerate; clock: monotonic seconds.
 
     Attributes:
-        missed: readings that did not come so far; longest_s: the longest silence of those that ended.
+        missed: missed readings of the present gap; longest_s: the longest gap that ended.
     """
 
     def __init__(self, limit_s: float = SILENCE_LIMIT_S, clock: Callable[[], float] = time.monotonic) -> None:
@@ -47,7 +47,7 @@ class Patience:
         self._began = (self._clock.now_s(), self._clock.looked_s)
 
     def miss(self) -> bool:
-        """The reading did not come; returns whether that is still bearable."""
+        """The reading failed. Returns whether that is still tolerated."""
         self.missed += 1
         awake_s, now_s = self._clock.now_s(), self._clock.looked_s
         self._since = self._since or self._began
@@ -55,7 +55,7 @@ class Patience:
         return silent_s < self._limit_s and (since_s < LONGEST_SILENCE_S or self._since is self._began)
 
     def hear(self) -> float:
-        """The reading came; returns how long the silence was that it ends, 0 where there was none."""
+        """The reading succeeded. Returns the length of the gap that it ends, 0 if there was none."""
         if self._since is None:
             return 0.0
         self._clock.now_s()
@@ -65,15 +65,15 @@ class Patience:
 
 
 class ActuatorStatus:
-    """What is known of one actuator.
+    """The state of one actuator.
 
     Args:
         spec: the node's part of the plan.
 
     Attributes:
-        fault: why it has no torque and follows nothing until it is resumed; "" for none.
-        doing: what its joints do, while there is no fault.
-        reading: the last one; patience: with those that did not come.
+        fault: why it has no torque and follows no commands until it is resumed; "" for none.
+        doing: activity of its joints, while there is no fault.
+        reading: the last one; patience: tolerance of missed ones.
     """
 
     def __init__(self, spec: NodeSpec) -> None:
@@ -101,7 +101,7 @@ class ActuatorStatus:
         return reading
 
     def rows(self, actuator: Actuator, commanders: Commanders | None = None) -> list[DiagnosticStatus]:
-        """A row of the whole actuator, and the driver's; one for each joint if the driver has none."""
+        """Returns a row for the whole actuator and the driver's rows, by default one for each joint."""
         rows = list(actuator.diagnostics())
         hardware_id = f"{self._spec.plugin} {self._spec.block}"
         summary = self._summary(hardware_id)
@@ -116,7 +116,7 @@ class ActuatorStatus:
         missed, self._missed_reported = patience.missed - self._missed_reported, patience.missed
         message = self.fault or f"in order: {self.doing}"
         if missed and not self.fault:
-            message = f"{self.doing}; {missed} readings did not come since the last report"
+            message = f"{self.doing}; {missed} readings failed since the last report"
         return DiagnosticStatus(
             DiagnosticStatus.ERROR
             if self.fault

@@ -1,4 +1,4 @@
-"""What an actuator's node measures for the table of MODE_TEST."""
+"""The measurements of an actuator's node for the table of MODE_TEST."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from joshua.devices.joint_command import CommandReader
 from joshua.node.cadence import TrafficFigures
 from joshua.plan import ActuatorFacts, JointTrace, NodeSpec
 
-#: When so many samples are held, every other one is dropped and only every other cycle recorded from then on.
+#: At this number of samples, every other one is dropped, and from then on only every other cycle is recorded.
 MOST_SAMPLES = 4000
 
-#: Values of one report at most, so that it stays far below what a frame between processes may hold.
+#: Upper limit of the values in a report, which keeps it far below the frame limit between processes.
 MOST_VALUES = 120_000
 
-#: Temperatures of one joint at most.
+#: Upper limit of the temperatures of a joint.
 MOST_TEMPERATURES = 1000
 
-#: Longest lag that is looked for.
+#: Longest lag that is searched for.
 LAG_MAX_S = 1.0
 
-#: A joint whose goal moves less than this says nothing about its lag.
+#: A goal must move by this much for a lag to be measured.
 MOVES_RAD = 0.02
 
 Result = tuple[str, bool, str]
@@ -45,7 +45,7 @@ class MotionRecorder:
         self._load_is_fraction = False
 
     def state(self, reading: JointReading) -> None:
-        """Takes the state at the beginning of a cycle."""
+        """Adds the state at the beginning of a cycle."""
         self._cycle += 1
         if self._cycle % self._stride:
             return
@@ -57,12 +57,12 @@ class MotionRecorder:
         self._goals.append(None)
 
     def written(self, goal_rad: FloatArray) -> None:
-        """Takes what was written in the same cycle."""
+        """Adds the goal written in the same cycle."""
         if self._cycle % self._stride == 0 and self._goals:
             self._goals[-1] = np.array(goal_rad)
 
     def diagnosed(self, rows: Sequence[DiagnosticStatus]) -> None:
-        """Takes temperatures; one at a time of the newest sample."""
+        """Adds temperatures, with the time of the newest sample."""
         if not self._stamps_ns:
             return
         for row in rows:
@@ -91,7 +91,7 @@ class MotionRecorder:
         return rows
 
     def lag_s(self) -> float | None:
-        """How far the slowest joint is behind what was written; None where no joint was moved."""
+        """The lag of the slowest joint behind its goal; None if no joint moved."""
         first, last = self._commanded()
         if last - first < 8:
             return None
@@ -106,7 +106,7 @@ class MotionRecorder:
         return max(lags) * period_s
 
     def traces(self, names: Sequence[str]) -> list[JointTrace]:
-        """The series of each joint; empty where nothing was recorded."""
+        """The series of each joint; empty if nothing was recorded."""
         if not self._stamps_ns:
             return []
         start_ns = self._stamps_ns[0]
@@ -145,7 +145,7 @@ class MotionRecorder:
 
 
 def _lag(goal: FloatArray, position: FloatArray, most: int) -> float:
-    """Samples by which a position is behind its goal: where both differ least, refined by a parabola."""
+    """The lag of a position behind its goal in samples: the least difference, refined by a parabola."""
     shifts = range(max(1, most))
     errors = np.array([np.mean((position[shift:] - goal[: goal.size - shift]) ** 2) for shift in shifts])
     best = int(errors.argmin())
@@ -163,7 +163,7 @@ def _number(value: float) -> float:
 #: Root mean square of the distance between goal and position that still counts as following.
 TRACKING_ERROR_MAX_RAD = 0.1
 
-#: Way beyond a limit that the play of a gear explains.
+#: Distance beyond a limit that gear backlash explains.
 RANGE_TOLERANCE_RAD = 0.05
 
 
@@ -186,7 +186,7 @@ class ActuatorTest:
         self._recorder = MotionRecorder() if spec.facts.testing else None
 
     def state(self, reading: JointReading, limits: JointLimits) -> None:
-        """Takes a state, and compares it with the goal of the cycle before."""
+        """Adds a state and compares it with the goal of the previous cycle."""
         self._states += 1
         position = reading.position_rad
         if not np.isfinite(position).all():
@@ -203,19 +203,19 @@ class ActuatorTest:
             self._recorder.state(reading)
 
     def written(self, goal_rad: FloatArray, *, following: bool) -> None:
-        """Takes what was written; only goals that follow commands count for the tracking error."""
+        """Adds a written goal. Only goals that follow commands count for the tracking error."""
         self._goal = goal_rad if following else None
         if self._recorder is not None:
             self._recorder.written(goal_rad)
 
     def diagnosed(self, rows: Sequence[DiagnosticStatus]) -> Sequence[DiagnosticStatus]:
-        """Takes the rows of the device's diagnostics, and hands them on."""
+        """Adds the rows of the device's diagnostics and returns them."""
         if self._recorder is not None:
             self._recorder.diagnosed(rows)
         return rows
 
     def traces(self) -> list[JointTrace]:
-        """What was recorded in MODE_TEST, one trace for each joint."""
+        """The recordings of MODE_TEST, one trace for each joint."""
         names = [joint.name for joint in self._spec.facts_as(ActuatorFacts).joints]
         return self._recorder.traces(names) if self._recorder is not None else []
 

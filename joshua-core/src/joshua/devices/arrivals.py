@@ -10,19 +10,19 @@ from joshua.node.timers import Timer
 
 NS_PER_S = 1_000_000_000
 
-#: Arrivals whose mean distance is the first estimate of their interval.
+#: Number of arrivals whose mean distance is the first estimate of their interval.
 _FIRST_ARRIVALS = 10
 
 #: Share of a deviation that corrects the expected time, and the interval, of the next arrival.
 _PHASE_GAIN, _INTERVAL_GAIN = 0.1, 0.005
 
-#: The cycle follows arrivals whose interval, or a whole multiple of it, is this near to its own period.
+#: The cycle follows arrivals if their interval, or a whole multiple of it, is this close to its own period.
 _FOLLOWS = 0.08
 
 #: A reading should be complete this long before the command is expected.
 _MARGIN_NS = 500_000
 
-#: A cycle begins this share of its period before the command, at most; the rest is for its write.
+#: A cycle begins at most this share of its period before the command. The rest is for its write.
 _LONGEST_LEAD = 0.75
 
 #: Longest wait for a command that is late, as a share of the interval.
@@ -33,8 +33,8 @@ class Arrivals:
     """The commands of one actuator as they arrive, and the control cycle that follows them.
 
     A cycle reads its device, then writes a goal. In phase, it begins so that the reading is complete just
-    before the next command is expected, waits for that command, and writes it at once; so protections are
-    still read directly before each write. Without regular arrivals the cycle keeps its own clock.
+    before the next command is expected, waits for that command, and writes it immediately. Protections are
+    therefore still read directly before each write. Without regular arrivals, the cycle keeps its own clock.
 
     Args:
         period_s: of the control cycle on its own clock.
@@ -52,7 +52,7 @@ class Arrivals:
         self._expected_ns: float | None = None
 
     def arrived(self, now_ns: int) -> None:
-        """Takes the arrival of a command, on a transport thread; ``now_ns`` on the monotonic clock."""
+        """Records the arrival of a command, on a transport thread; ``now_ns`` on the monotonic clock."""
         with self._condition:
             if self._interval_ns:
                 count = round((now_ns - self._phase_ns) / self._interval_ns)

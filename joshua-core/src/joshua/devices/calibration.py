@@ -1,4 +1,4 @@
-"""Calibration of an arm as a value: what turns the ticks of its motors into radians."""
+"""Calibration of an arm as a value, which converts the ticks of its motors to radians."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ LARGEST_OFFSET = 2047  # servos keep the offset in eleven bits and a sign
 
 
 class MotorCalibration(BaseModel):
-    """Calibration of one motor, in ticks as its servo counts them.
+    """Calibration of one motor, in ticks of its servo.
 
     Attributes:
         id: on the bus.
         joint_name: of the joint that the motor moves.
-        homing_offset: what the servo subtracts from its raw position, so that 2048 is zero radians.
+        homing_offset: subtracted by the servo from its raw position, so that 2048 is zero radians.
         range_min, range_max: ends of the joint's range, homing offset applied.
         inverted: the motor turns against the joint's positive direction.
     """
@@ -48,8 +48,8 @@ class ArmCalibration(BaseModel):
 
     Attributes:
         motors: one entry for each motor.
-        device_identity: of the adapter, such as ``usb:5A46082345``; "" where unknown.
-        calibrated_at: RFC 3339 time; "" where unknown.
+        device_identity: of the adapter, such as ``usb:5A46082345``; "" if unknown.
+        calibrated_at: RFC 3339 time; "" if unknown.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -64,7 +64,7 @@ class ArmCalibration(BaseModel):
             values = [getattr(motor, what) for motor in self.motors]
             twice = sorted({value for value in values if values.count(value) > 1})
             if twice:
-                raise ValueError(f"{what} {twice[0]} stands there twice; each motor needs one of its own")
+                raise ValueError(f"{what} {twice[0]} is used twice; each motor needs a different one")
         return self
 
     def motor(self, motor_id: int) -> MotorCalibration | None:

@@ -1,4 +1,4 @@
-"""From the messages of a command topic to goals: who commands, what the message says, what follows."""
+"""Turns messages of a command topic into goals: selects the commander and reads its messages."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 
 NS_PER_S = 1_000_000_000
 
-#: Time without a message of an override after which the joints hold; noticed within another 50 ms.
+#: Time without a message of an override after which the joints hold. Checked every 50 ms.
 OVERRIDE_LOST_AFTER_S = 0.2
 
 #: Time without a message of a commander after which another permitted one may command.
 FREE_AFTER_S = 0.5
 
-# names come from outside: what is remembered is bounded
+# names come from outside, so the table is bounded
 _MOST_REFUSED = 100
 
 
 class Commanders:
     """Decides whose commands one actuator executes: one commander at a time.
 
-    The plan names who may command; on an external topic any node may. The first to publish commands until it
-    has been silent for ``FREE_AFTER_S``. An override takes control at once, a leader arm once it has moved,
-    and keeps it: if it stops, the joints hold until ``release`` returns control or the override publishes
-    again. Every other command is refused. Hold ``lock`` from the question to the action: commands arrive on
-    several threads.
+    The plan names who may command; on an external topic any node may. The first to publish has control until
+    it has not published for ``FREE_AFTER_S``. An override takes control at once, a leader arm once it has
+    moved, and keeps it: if it stops, the joints hold until ``release`` returns control or the override
+    publishes again. Every other command is refused. Hold ``lock`` from the decision to the action, because
+    commands arrive on several threads.
 
     Args:
-        commanders: that the plan names; external: topics that are open to others.
+        commanders: those named by the plan; external: topics on which others may publish.
         goals: of the actuator.
         log: where refusals and changes of control are reported.
 
     Attributes:
         current: full name of the commander, None if there is none, "" for one that is not a ROS 2 node.
-        overriding: it is an override; held: that has stopped publishing.
+        overriding: it is an override; held: the override has stopped publishing.
         overrides: full names and topics of the overrides.
         refused: number of refused commands, by the name of the publisher.
     """
@@ -69,7 +69,7 @@ class Commanders:
         self.refused: dict[str, int] = {}
 
     def admit(self, publisher: str, topic: str, now_ns: int) -> bool:
-        """Whether a command of a node is to be executed; the lock is held. ``now_ns`` is monotonic."""
+        """Whether to execute a command of a node, with the lock held. ``now_ns`` is monotonic."""
         override = self._named.get((publisher, topic))
         if override is None and topic not in self._external:
             return self._refuse(
@@ -112,7 +112,7 @@ class Commanders:
         return self.held or any(node == self.current for node, _ in self._motion_rad)
 
     def extend(self, duration_s: float) -> None:
-        """Lets the command just admitted continue by itself, as a trajectory does; the lock is held."""
+        """Marks the admitted command as self-continuing, such as a trajectory, with the lock held."""
         self._until_ns += round(duration_s * NS_PER_S)
 
     def watch(self, now_ns: int) -> None:
@@ -178,8 +178,8 @@ class CommandIntake:
     Args:
         context: of its node.
         goals: get the commands.
-        commanders: decide whose commands count.
-        arrived: called with the monotonic time of each joint state that is executed.
+        commanders: decide whose commands are executed.
+        arrived: called with the monotonic time of each executed joint state.
     """
 
     def __init__(
@@ -209,7 +209,7 @@ class CommandIntake:
         return reader, self._context.subscribe_named(topic, take)
 
     def joint_state(self, reader: CommandReader, message: Any, publisher: str) -> None:
-        """Takes a JointState; without joints, it releases the override that sends it."""
+        """Handles a JointState. One without joints releases the override that sends it."""
         now_ns, commanders = time.monotonic_ns(), self._commanders
         with commanders.lock:
             if not len(message.name) and (publisher, reader.topic) in commanders.overrides:
@@ -225,7 +225,7 @@ class CommandIntake:
         self._arrived(now_ns)
 
     def trajectory(self, reader: CommandReader, message: Any, publisher: str) -> None:
-        """Takes a JointTrajectory."""
+        """Handles a JointTrajectory."""
         now_ns = time.monotonic_ns()
         with self._commanders.lock:
             if not self._commanders.admit(publisher, reader.topic, now_ns):

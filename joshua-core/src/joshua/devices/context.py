@@ -1,4 +1,4 @@
-"""What actuators and sensors have in common, and what a driver is given beside its settings."""
+"""The common base of actuators and sensors, and the context of a driver beside its settings."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ def _nothing() -> None:
 
 @dataclass(frozen=True)
 class DeviceContext(Generic[FactsT]):
-    """The surroundings of a driver; what is left out is that of a driver outside a run.
+    """The context of a driver. The defaults are those of a driver outside a run.
 
     Attributes:
-        facts: what the plan says of the device.
+        facts: the facts of the device from the plan.
         log: the node's logger.
-        clock: acquisition stamps, simulated time where the node follows that.
-        stopping: whether the run is to end; a ``connect`` that takes long asks it, and raises ``Cancelled``.
-        before_torque_off: called before a protection takes the torque off, which may last for cycles.
-        remembered: the safe-stop request of the driver before in the same run; empty where there was none.
+        clock: acquisition stamps, in simulated time if the node follows it.
+        stopping: whether the run is ending. A long ``connect`` polls it and raises ``Cancelled``.
+        before_torque_off: called before a protection switches the torque off, which may take several cycles.
+        remembered: the safe-stop request of the previous driver in the same run; empty if there was none.
     """
 
     facts: FactsT
@@ -49,7 +49,7 @@ class DeviceContext(Generic[FactsT]):
     remembered: Mapping[str, Any] = field(default_factory=dict)
 
     def raise_if_stopping(self) -> None:
-        """Raises Cancelled where the run is to end."""
+        """Raises Cancelled if the run is ending."""
         if self.stopping():
             raise Cancelled("asked to stop")
 
@@ -59,10 +59,10 @@ SensorContext = DeviceContext[SensorFacts]
 
 
 def open_driver(spec: NodeSpec) -> Actuator:
-    """Make the driver of an actuator in a plan, not connected to its device.
+    """Create the driver of an actuator in a plan, without connecting it.
 
     Raises:
-        TargetError: its plugin does not provide what it says.
+        TargetError: its plugin does not provide what it declares.
     """
     from joshua.devices.actuator import Actuator
     from joshua.node.implementation import load_implementation
@@ -82,11 +82,11 @@ class Device(ABC):
 
     @abstractmethod
     def connect(self) -> None:
-        """Opens the device and checks it; the torque of joints stays as it is. Raises DeviceError."""
+        """Opens and checks the device without changing the torque of joints. Raises DeviceError."""
 
     @abstractmethod
     def disconnect(self) -> None:
-        """Closes the device; idempotent."""
+        """Closes the device. Idempotent."""
 
     def require_connected(self, verb: str) -> None:
         """Refuses a call that needs an open device, such as ``read``. Raises DeviceError."""

@@ -12,7 +12,7 @@ from joshua.node import ros_time
 from joshua.node.context import NodeContext
 from joshua.plan import TopicSpec
 
-#: Where ROS 2 tools look for the state of every device of a graph.
+#: The topic on which ROS 2 tools expect the state of every device.
 TOPIC = TopicSpec(name="/diagnostics", type_name="diagnostic_msgs/msg/DiagnosticArray", rate_hz=1.0)
 
 
@@ -44,7 +44,7 @@ class DiagnosticsPublisher:
 
     Args:
         context: of the node.
-        rows: says what was read last; no input or output, so that the control loop never waits for it.
+        rows: returns the last readings, without input or output, so that the control loop never waits for it.
     """
 
     def __init__(self, context: NodeContext, rows: Callable[[], Sequence[DiagnosticStatus]]) -> None:
@@ -57,14 +57,14 @@ class DiagnosticsPublisher:
         self._context.create_timer(1 / TOPIC.rate_hz, self.publish, name="diagnostics")
 
     def publish(self) -> None:
-        """Publishes the rows of now; none, where there are none."""
+        """Publishes the present rows, if any."""
         rows = self._rows()
         if rows:
             self._publisher.publish(diagnostic_array(self._context.spec.full_name, rows))
 
 
 def diagnostic_array(node: str, rows: Sequence[DiagnosticStatus]) -> Any:
-    """Makes the message; the names of the rows begin with that of the node, as is the custom of ROS 2."""
+    """Makes the message. By ROS 2 convention, the names of the rows begin with that of the node."""
     status = message_class("diagnostic_msgs/msg/DiagnosticStatus")
     pair = message_class("diagnostic_msgs/msg/KeyValue")
     messages = [

@@ -1,4 +1,4 @@
-"""What can go wrong with a device; importable without numpy, for safe-stop processes."""
+"""Errors of devices. Importable without numpy, for safe-stop processes."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from joshua.node.errors import EXIT_DEVICE_REFUSED, NodeError
 
 
 class DeviceError(NodeError):
-    """A device is absent, refuses, or answers wrongly; the message names device and remedy."""
+    """A device is absent, refuses, or sends a wrong reply. The message names the device and the remedy."""
 
     exit_code: ClassVar[int] = EXIT_DEVICE_REFUSED
 
 
 class DeviceDisconnected(DeviceError):
-    """A device that was connected does not answer any more."""
+    """A connected device has stopped responding."""
 
 
 class DeviceSilent(DeviceDisconnected):
-    """A device that is still connected did not answer; it may do so in a moment."""
+    """A connected device did not reply in time. It may reply again soon."""
 
 
 class DeviceBusy(DeviceError):
-    """Another process holds the device.
+    """Another process uses the device.
 
     Args:
-        processes: ids of the processes that hold it, as far as they are known.
+        processes: ids of the processes that use it, as far as known.
     """
 
     def __init__(self, text: str, *, processes: Sequence[int] = ()) -> None:
@@ -35,7 +35,7 @@ class DeviceBusy(DeviceError):
 
 
 class SafetyTripped(DeviceError):
-    """A protection took the torque of all joints off; it stays off until the actuator is resumed.
+    """A protection switched the torque of all joints off. It stays off until the actuator is resumed.
 
     Args:
         released: whether the device has confirmed that.

@@ -1,4 +1,4 @@
-"""From commands to goals: seeded, ramped, clamped, limited in speed, and held when commands stop."""
+"""Turns commands into goals: seeded, ramped, clamped, limited in speed, and held when commands stop."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from joshua.plan import OnStale
 
 NS_PER_S = 1_000_000_000
 
-#: Speed at which joints approach a first command: brisk for a desk arm, slow enough to step back from.
+#: Speed at which joints approach a first command: slow enough for a person to step back.
 RAMP_SPEED_RAD_S = 1.0
 
 #: Time without a command after which the joints hold.
@@ -24,16 +24,16 @@ STALE_AFTER_S = 0.5
 
 
 class GoalState(str, Enum):
-    """What the goals follow."""
+    """The source of the goals."""
 
     WAITING = "waiting"
-    """No command has come yet: the joints stay where they were found."""
+    """No command yet: the joints stay where they were."""
     FOLLOWING = "following"
-    """Commands come in."""
+    """Commands arrive."""
     HOLDING = "holding"
     """Commands stopped: the joints stay at the last goal."""
     PARKING = "parking"
-    """Commands have been away for too long: the joints go to their park pose, unless commands come back."""
+    """Commands have stopped for too long: the joints move to their park pose, unless commands return."""
 
 
 @dataclass(frozen=True)
@@ -47,18 +47,18 @@ class GoalGenerator:
     """Makes the goal of each control cycle.
 
     Commands come from a transport thread, steps from the control loop. Each joint approaches its first
-    command, and the first after a pause, at ``ramp_speed_rad_s`` at most; once it has caught up, at the
-    speed limit of the device. Joints that no command has named stay where they are.
+    command, and the first after a pause, at ``ramp_speed_rad_s`` at most; once it has caught up, the speed
+    limit of the device applies. Joints that no command names stay where they are.
 
     Args:
         limits: of the joints.
         period_s: nominal length of a control cycle; a longer pause does not allow a longer step than two.
         stale_after_s: time without a command after which the joints hold. A trajectory that plays or has
-            ended is not stale: it says itself where the joints stay.
+            ended is not stale, because it defines where the joints stay.
         ramp_speed_rad_s: largest speed of the approach.
 
     Attributes:
-        stale: commands came and stopped, and nobody has said that the joints are to stay.
+        stale: commands arrived and stopped, without an order to hold.
         speed_scale_parameter: share of their speed limits that the joints may use.
     """
 
@@ -103,7 +103,7 @@ class GoalGenerator:
         return f"the joints use {request.scale:.0%} of their speed limits"
 
     def seed(self, position_rad: FloatArray) -> None:
-        """Starts from where the joints are, shape (N,); forgets every command."""
+        """Starts at the joints' positions, shape (N,). Discards every command."""
         with self._lock:
             self._goal = np.array(position_rad, np.float64)
             self._forget()
@@ -112,7 +112,7 @@ class GoalGenerator:
             self.stale = False
 
     def reseed(self, index: int, position_rad: float) -> None:
-        """Starts one joint from where it is; it approaches its command slowly. Thread-safe."""
+        """Restarts one joint at its position. It approaches its command slowly. Thread-safe."""
         with self._lock:
             self._goal[index] = position_rad
             self._ramping[index] = True
@@ -129,7 +129,7 @@ class GoalGenerator:
             self.stale = False
 
     def play(self, trajectory: TrajectoryCommand, now_ns: int) -> None:
-        """Starts a trajectory in place of what was commanded; one without points stops the joints."""
+        """Starts a trajectory in place of the present command. One without points stops the joints."""
         with self._lock:
             self._command_ns = None
             self._target[:] = np.nan
@@ -139,15 +139,15 @@ class GoalGenerator:
             self.stale = False
 
     def park(self, pose_rad: FloatArray) -> None:
-        """Lets joints that hold move to a pose, shape (N,), as slowly as to a first command. Thread-safe."""
+        """Moves holding joints to a pose, shape (N,), as slowly as to a first command. Thread-safe."""
         with self._lock:
-            if self.state is GoalState.HOLDING:  # no command has come in the meantime
+            if self.state is GoalState.HOLDING:  # no command arrived in the meantime
                 self._target = np.array(pose_rad, np.float64)
                 self._ramping[:] = True
                 self.state = GoalState.PARKING
 
     def approach(self) -> None:
-        """Lets the joints approach the next command slowly, as they do a first one. Thread-safe."""
+        """Makes the joints approach the next command slowly, as a first one. Thread-safe."""
         with self._lock:
             self._ramping[:] = True
 
@@ -201,16 +201,16 @@ class GoalGenerator:
 
 PARK = "PARK_THEN_RELEASE"
 
-#: A joint this close to its park pose has arrived; about what gravity takes from a servo of a desk arm.
+#: A joint this close to its park pose has arrived: about the sag of a desk arm's servo under gravity.
 ARRIVED_RAD = 0.05
 
 
 class StalePolicy:
-    """The policy of one actuator that does not hold for ever.
+    """The policy of an actuator whose joints do not hold indefinitely.
 
     Args:
-        goals: of the actuator; they park it.
-        policy: what they do, and when.
+        goals: of the actuator, used to park it.
+        policy: action of the joints, and its time.
     """
 
     def __init__(self, goals: GoalGenerator, policy: OnStale) -> None:
@@ -221,7 +221,7 @@ class StalePolicy:
         self._since_s = 0.0
 
     def look(self, position_rad: FloatArray, now_s: float) -> str:
-        """Takes the state of a control cycle; returns why the torque must go now, "" while it need not."""
+        """Adds the state of a control cycle. Returns why the torque must be switched off now, or ""."""
         state = self._goals.state if self._goals.stale else GoalState.FOLLOWING
         if state is not self._state:
             self._state, self._since_s = state, now_s

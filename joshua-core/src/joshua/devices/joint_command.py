@@ -1,4 +1,4 @@
-"""Commands as they arrive: matched to the joints by name, refused when they cannot be trusted."""
+"""Commands from messages: matched to the joints by name, refused if invalid."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from joshua.devices.actuator import FloatArray
 from joshua.plan.joints import JointRange
 
-#: Causes of refusals that are counted apart; further ones are counted together.
+#: Number of refusal causes that are counted separately. Further ones are counted together.
 MOST_CAUSES = 100
 
 #: Refusals of one cause are logged at the first, then at each power of ten.
@@ -24,7 +24,7 @@ _LOGGED_COUNTS = frozenset(10**power for power in range(12))
 
 @dataclass(frozen=True)
 class MappedJoint:
-    """One pair of joints: the follower moves through its range as the leader moves through its own."""
+    """A pair of joints. The leader's range is mapped to the follower's range."""
 
     leader: str
     follower: str
@@ -36,7 +36,7 @@ class MappedJoint:
     def position_rad(self, leader_rad: float) -> float:
         """The follower's position for one of the leader's; beyond the leader's range it stays at the end."""
         fraction = (leader_rad - self.leader_min_rad) / (self.leader_max_rad - self.leader_min_rad)
-        # written so that a value that is not a number stays one, and is refused later
+        # keeps NaN, which is refused later
         fraction = 0.0 if fraction < 0.0 else 1.0 if fraction > 1.0 else fraction
         return self.follower_min_rad + fraction * (self.follower_max_rad - self.follower_min_rad)
 
@@ -44,13 +44,13 @@ class MappedJoint:
 class LeaderMapping:
     """Maps the joint positions of a leader to those of a follower.
 
-    Joints are paired by name; those without a partner of the same name are paired in their order.
+    Joints are paired by name; the others are paired in order.
 
     Args:
         leader_joints, follower_joints: in joint order.
 
     Raises:
-        ValueError: a joint has no range, or there is no pair; names the joint.
+        ValueError: a joint has no range, or there is no pair. The message names the joint.
     """
 
     def __init__(self, leader_joints: Sequence[JointRange], follower_joints: Sequence[JointRange]) -> None:
@@ -60,7 +60,7 @@ class LeaderMapping:
         names += zip(
             [name for name in leaders if name not in followers],
             [name for name in followers if name not in leaders],
-            strict=False,  # an arm with more joints than the other keeps the rest where they are
+            strict=False,  # surplus joints of one arm stay where they are
         )
         if not names:
             raise ValueError("leader and follower have no joint in common: check the calibration of both")
@@ -71,7 +71,7 @@ class LeaderMapping:
         self.unpaired_follower = tuple(name for name in followers if name not in paired)
 
     def pair(self, leader_joint: str) -> MappedJoint | None:
-        """The pair of a leader's joint; None for one without a partner, or of another name."""
+        """The pair of a leader's joint; None if it has no partner or is unknown."""
         return self._by_leader.get(leader_joint)
 
 
@@ -102,7 +102,7 @@ class JointCommand:
 
 @dataclass(frozen=True)
 class TrajectoryCommand:
-    """Positions over time for some of the joints, straight between the points.
+    """Positions over time for some of the joints, linear between the points.
 
     Attributes:
         indices: of the joints, shape (M,).
@@ -127,7 +127,7 @@ class TrajectoryCommand:
 
 
 class CommandError(ValueError):
-    """A command cannot be trusted and is refused; the message says why."""
+    """A command is invalid and refused. The message says why."""
 
 
 class CommandReader:
@@ -137,8 +137,8 @@ class CommandReader:
         topic: name, for messages.
         joint_names: in joint order.
         log: where refusals and unknown names are reported.
-        mappings: from the joints of leaders to these, by the name of the leader's node; every other
-            publisher sends radians of these joints.
+        mappings: from the joints of leaders to these, by the name of the leader's node. Every other publisher
+            sends radians of these joints.
     """
 
     def __init__(
@@ -159,7 +159,7 @@ class CommandReader:
         self._routes: dict[LeaderMapping | None, tuple[tuple[str, ...], _Route]] = {}
 
     def joint_state(self, message: Any, publisher: str = "") -> JointCommand | None:
-        """Reads a JointState of a node; None when it is refused."""
+        """Reads a JointState of a node; None if it is refused."""
         try:
             positions = np.asarray(message.position, np.float64)
             if positions.shape != (len(message.name),):
@@ -173,10 +173,10 @@ class CommandReader:
         return command
 
     def trajectory(self, message: Any, publisher: str = "") -> TrajectoryCommand | None:
-        """Reads a JointTrajectory of a node; None when it is refused.
+        """Reads a JointTrajectory of a node; None if it is refused.
 
-        One without points means: stop here. The time of its header, and the velocities and accelerations of
-        its points, are not used: it starts when it arrives.
+        One without points stops the joints. It starts on arrival: the time of its header, and velocities and
+        accelerations, are ignored.
         """
         try:
             command = self._trajectory(message, publisher)
@@ -203,7 +203,7 @@ class CommandReader:
         return TrajectoryCommand(route.indices, times, route.values(positions))
 
     def _route(self, names: tuple[str, ...], publisher: str) -> _Route:
-        """Which positions of a message go to which joints; remembered, for names rarely change."""
+        """The assignment of a message's positions to joints, cached because names rarely change."""
         mapping = self._mappings.get(publisher)
         known = self._routes.get(mapping)
         if known is None or known[0] != names:
@@ -254,7 +254,7 @@ class CommandReader:
 
 @dataclass(frozen=True)
 class _Route:
-    """Which columns of a message go to which joints, each through its pair where there is a leader."""
+    """The assignment of a message's columns to joints, through the pairs of a leader, if any."""
 
     columns: tuple[int, ...]
     indices: npt.NDArray[np.intp]
@@ -266,7 +266,7 @@ class _Route:
         return np.array([self._row(row) for row in positions.tolist()])
 
     def _row(self, row: list[float]) -> list[float]:
-        """In plain Python, which is faster for a few joints."""
+        """In plain Python, which is faster for few joints."""
         values = []
         for column, pair, name in zip(self.columns, self.pairs, self.names, strict=True):
             value = row[column]
@@ -277,6 +277,6 @@ class _Route:
 
 
 def _list(names: Iterable[str]) -> str:
-    """Names for a message; they come from outside, so their length and number are bounded."""
+    """Names for a message. They come from outside, so their length and number are bounded."""
     shown = [repr(name if len(name) <= 64 else name[:64] + "…") for name in islice(names, 10)]
     return ", ".join(shown) or "nothing"

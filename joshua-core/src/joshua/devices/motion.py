@@ -1,4 +1,4 @@
-"""Motions of virtual arms, as of an arm that a person moves: none, a sine, a file."""
+"""Motions of virtual arms, as if a person moved them: none, a sine, a file."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class Motion(Protocol):
 
 
 class SineMotion:
-    """Each joint follows a sine about the middle of its range, the joints evenly apart in phase.
+    """Each joint follows a sine around the middle of its range, with evenly spaced phases.
 
     Args:
         limits: ranges of the joints; the amplitude is clipped to them.
-        amplitude_rad: half of the way.
-        frequency_hz: turns of the phase per second.
+        amplitude_rad: amplitude of the sine.
+        frequency_hz: of the sine, in Hz.
     """
 
     def __init__(self, limits: JointLimits, amplitude_rad: float, frequency_hz: float) -> None:
@@ -44,7 +44,7 @@ class SineMotion:
 
 
 class FileMotion:
-    """Replays a CSV file once, straight between its samples, and stays at the last one.
+    """Replays a CSV file once, linear between its samples, and stays at the last one.
 
     The first line names the columns, ``time_s`` and each joint; further lines hold seconds and radians.
 
@@ -53,7 +53,7 @@ class FileMotion:
         joint_names: joints in joint order; each needs a column.
 
     Raises:
-        DeviceError: the file cannot be read, or a line of it is wrong; names file and line.
+        DeviceError: the file cannot be read, or a line is invalid. The message names file and line.
     """
 
     def __init__(self, path: str, joint_names: tuple[str, ...]) -> None:
@@ -68,7 +68,7 @@ class FileMotion:
         columns = _columns(path, rows[0][1] if rows else [], joint_names)
         samples = np.array([_sample(path, number, row, columns) for number, row in rows[1:]])
         if not len(samples):
-            raise DeviceError(f"motion_file {path} holds no sample: add lines below the column names")
+            raise DeviceError(f"motion_file {path} contains no sample: add lines below the column names")
         backwards = np.flatnonzero(np.diff(samples[:, 0]) <= 0)
         if len(backwards):
             number = rows[int(backwards[0]) + 2][0]

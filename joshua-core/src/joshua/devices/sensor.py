@@ -1,4 +1,4 @@
-"""The base class of sensors: a device that yields stamped readings."""
+"""The base class of sensors: devices with stamped readings."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Reading:
 
     Attributes:
         stamp_ns: acquisition time, ns since the epoch.
-        sequence: running number of the acquisition, from 0; gaps are frames that the device dropped.
-        data: what was acquired; the sensor's documentation says shape and unit.
+        sequence: number of the acquisition, from 0. Gaps are frames that the device dropped.
+        data: the acquired data. The sensor's documentation states shape and unit.
     """
 
     stamp_ns: int
@@ -28,7 +28,7 @@ class Reading:
 
 
 class Sensor(Device):
-    """A device that yields readings.
+    """A device that provides readings.
 
     Order: constructor (no I/O) → ``connect`` → ``read``… → ``disconnect`` (idempotent; leaves no
     thread and no file handle).
@@ -49,7 +49,7 @@ class Sensor(Device):
 
     @abstractmethod
     def read(self, timeout_s: float) -> Reading | None:
-        """Waits for the next reading, never the same one twice; None when none came in time.
+        """Waits for the next reading, never the same one twice; None if none arrives in time.
 
         Raises DeviceDisconnected.
         """
@@ -59,13 +59,13 @@ class Sensor(Device):
         """Makes the ROS 2 message of a reading, stamped with its acquisition time."""
 
     def implausible(self, reading: Reading) -> str:
-        """What cannot be true about a reading, one sentence for MODE_TEST; "" where all is well."""
+        """Why a reading is implausible, one sentence for MODE_TEST; "" if it is plausible."""
         del reading
         return ""
 
     def diagnostics(self) -> Sequence[DiagnosticStatus]:
-        """Rows for ``/diagnostics`` beside the one that the node makes; called while ``read`` runs.
+        """Rows for ``/diagnostics`` in addition to the node's own. Called while ``read`` runs.
 
-        No input or output here.
+        Do no input or output here.
         """
         return ()

@@ -1,4 +1,4 @@
-"""The node of a sensor: publishes its newest reading, and opens the device again when it was lost."""
+"""The node of a sensor: publishes its newest reading, and reopens a device that was disconnected."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from joshua.node.errors import Cancelled
 from joshua.node.implementation import load_implementation
 from joshua.plan import SensorFacts, TopicSpec
 
-#: Longest wait for a reading, so that the stop is noticed.
+#: Longest wait for a reading, so that a stop is noticed.
 READ_TIMEOUT_S = 0.2
 
-#: Silence after which the log says that a sensor delivers nothing.
+#: Time without a reading after which the log reports it.
 SILENCE_S = 2.0
 
-#: How long opening a device again may take; a scanner's motor and a search at all line speeds take seconds.
+#: Time limit for reopening a device. A scanner's motor and a search at all line speeds take seconds.
 CONNECT_LIMIT_S = 30.0
 
 PICTURES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -34,9 +34,9 @@ RECONNECT_LARGEST_S = 5.0
 
 
 def _camera_infos(topics: Sequence[TopicSpec], offered: Sequence[str]) -> list[TopicSpec]:
-    """Return the topics of the calibration beside each picture, where ROS 2's tools look for it.
+    """Return the topics of the calibration beside each picture, where ROS 2's tools expect it.
 
-    A file that has a CAMERA_INFO topic says itself where it is.
+    A CAMERA_INFO topic in the file overrides them.
     """
     if CAMERA_INFO not in offered or any(topic.type_name == CAMERA_INFO for topic in topics):
         return []
@@ -45,7 +45,7 @@ def _camera_infos(topics: Sequence[TopicSpec], offered: Sequence[str]) -> list[T
         if topic.type_name in PICTURES:
             base = topic.name.removesuffix("/compressed")
             folder, _, last = base.rpartition("/")
-            # two cameras may have all their topics in one folder, such as /top and /wrist
+            # two cameras may share a namespace, such as /top and /wrist
             name = f"{folder if last.startswith('image') else base}/camera_info"
             found.setdefault(name, topic.model_copy(update={"name": name, "type_name": CAMERA_INFO}))
     return list(found.values())
@@ -54,8 +54,8 @@ def _camera_infos(topics: Sequence[TopicSpec], offered: Sequence[str]) -> list[T
 class SensorNode(NodeBehaviour):
     """The standard behaviour of sensors. Beside pictures it publishes ``camera_info``.
 
-    A thread reads; each new reading is published at once on every topic, at most at the topic's rate. A
-    reading is published once: one that is not newer than the last is dropped and counted.
+    A thread reads. Each new reading is published immediately on every topic, at most at the topic's rate. A
+    reading that is not newer than the last is dropped and counted.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -113,7 +113,7 @@ class SensorNode(NodeBehaviour):
             self._sensor.disconnect()
 
     def observe(self, reading: Reading) -> None:
-        """Sees each new reading after it was published, on the reader's thread; for displays."""
+        """Called with each published reading, on the reader's thread, for displays."""
 
     def test_results(self) -> list[tuple[str, bool, str]]:
         """Rates, order and plausibility of the readings."""
@@ -127,7 +127,7 @@ class SensorNode(NodeBehaviour):
         return rows
 
     def _diagnostic_rows(self) -> list[DiagnosticStatus]:
-        """One row of the sensor as the node sees it, and those of its driver."""
+        """One row of the node for the sensor, and the rows of its driver."""
         assert self._sensor is not None
         level, trouble = self._trouble
         spec = self.context.spec
@@ -183,7 +183,7 @@ class SensorNode(NodeBehaviour):
             self._implausible.append(text)
 
     def _reconnect(self, sensor: Sensor, reason: DeviceDisconnected) -> None:
-        """Closes and opens the device until that works or the node stops; waits longer each time."""
+        """Closes and opens the device until that succeeds or the node stops, with increasing pauses."""
         self._reconnections += 1
         self._trouble = (DiagnosticStatus.ERROR, f"disconnected: {reason}")
         self._last = None  # the device may count from 0 again
@@ -206,7 +206,7 @@ class SensorNode(NodeBehaviour):
                 return
 
     def _connect(self, sensor: Sensor) -> None:
-        """Opens the device, and shows signs of life meanwhile: a reader may not be silent for so long."""
+        """Opens the device, with heartbeats meanwhile, because that exceeds the reader's hang limit."""
         errors: list[BaseException] = []
 
         def connect() -> None:
@@ -220,13 +220,13 @@ class SensorNode(NodeBehaviour):
         end_s = time.monotonic() + CONNECT_LIMIT_S
         while thread.is_alive():
             if time.monotonic() < end_s:
-                _ = self.context.stopping  # asking is the sign
+                _ = self.context.stopping  # polling it is the heartbeat
             thread.join(0.1)
         if errors:
             raise errors[0]
 
     def _stopped_within(self, duration_s: float) -> bool:
-        """Waits; returns early, and True, when the node is asked to stop."""
+        """Waits. Returns early with True if the node is asked to stop."""
         end = time.monotonic() + duration_s
         while not (stopped := self.context.stopping) and (left_s := end - time.monotonic()) > 0:
             time.sleep(min(left_s, 0.1))

@@ -1,4 +1,4 @@
-"""Acquisition stamps: time of the epoch that never runs backwards."""
+"""Acquisition stamps: time since the epoch that never runs backwards."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ class StampClock:
         self._offset_ns = self._last_ns = 0
 
     def now_ns(self) -> int:
-        """The stamp of an acquisition that happens now; simulated time where the node follows that."""
+        """The stamp of an acquisition at this moment, in simulated time if the node follows it."""
         if ros_time.is_simulated():
             simulated_ns = ros_time.now_ns()
             # a reset of the simulation sets its time back
             self._last_ns = simulated_ns if simulated_ns < self._last_ns - NS_PER_S else self._last_ns
             self._last_ns = max(simulated_ns, self._last_ns + 1)
             return self._last_ns
-        # In this order: held up between the two, the offset comes out too small, which the next call mends.
-        # The other way round it would be too large for good, and every later stamp in the future.
+        # The order matters. A delay between the two makes the offset too small, which the next call corrects.
+        # In the other order it would stay too large, and every later stamp would lie in the future.
         wall_ns = time.time_ns()
         monotonic_ns = time.monotonic_ns()
         self._offset_ns = max(self._offset_ns, wall_ns - monotonic_ns)

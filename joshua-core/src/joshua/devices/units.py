@@ -10,7 +10,7 @@ TICKS_PER_TURN = 4096
 def ticks_to_rad(
     ticks: float, *, ticks_per_turn: int = TICKS_PER_TURN, zero_ticks: float | None = None
 ) -> float:
-    """Turns a position in ticks into radians.
+    """Convert a position in ticks to radians.
 
     Args:
         ticks: position.
@@ -24,6 +24,6 @@ def ticks_to_rad(
 def rad_to_ticks(
     position_rad: float, *, ticks_per_turn: int = TICKS_PER_TURN, zero_ticks: float | None = None
 ) -> int:
-    """Turns a position in radians into the nearest tick; arguments as for ``ticks_to_rad``."""
+    """Convert a position in radians to the nearest tick. Arguments as for ``ticks_to_rad``."""
     zero = ticks_per_turn / 2 if zero_ticks is None else zero_ticks
     return round(position_rad * ticks_per_turn / math.tau + zero)

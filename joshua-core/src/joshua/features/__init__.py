@@ -1,6 +1,6 @@
-"""What a robot shows and does, in one vocabulary for models, recorders, environments and evaluation.
+"""Observations and actions of a robot, in one vocabulary for models, recorders, environments and evaluation.
 
-Names are loaded at first use: features are derived and compared without numpy.
+Names are loaded at first use, because deriving and comparing features does not need numpy.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""From streams that come when they come to frames at one rate, by the time of acquisition."""
+"""Aligns streams with times of their own to frames at one rate, by the time of acquisition."""
 
 from __future__ import annotations
 
@@ -13,19 +13,18 @@ from joshua.plan.feature import Feature
 
 NS_PER_S = 1_000_000_000
 
-#: How far beyond a period and the wait a stamp may lie from the frame that is due next, before it counts as
-#: one of a clock that jumped.
+#: Distance of a stamp from the next frame, beyond a period and the wait, at which its clock counts as jumped.
 HORIZON_NS = 2 * NS_PER_S
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """How the value of a feature at the time of a frame is found.
+    """How the aligner finds the value of a feature at the time of a frame.
 
     Attributes:
         tolerance_ns: largest distance of a sample from the frame.
-        method: the nearest sample, or a straight line between the two samples about the frame, the nearer
-            of which is within the tolerance and which are at most two tolerances apart.
+        method: the nearest sample, or linear interpolation between the samples before and after the frame.
+            The nearer of them must be within the tolerance, and they may be at most two tolerances apart.
     """
 
     tolerance_ns: int
@@ -37,11 +36,11 @@ class FeatureCounts:
     """What happened to the samples of one feature.
 
     Attributes:
-        received: samples; used: frames that have a value; missing: frames that have none.
-        repeated: frames whose value is the sample of the frame before.
-        late: samples that came when a frame that they belong to was made already.
-        out_of_order: samples older than one before them; duplicates: with the stamp of one before them.
-        jumped: samples whose stamp is that of another clock, see ``HORIZON_NS``.
+        received: samples; used: frames with a value; missing: frames without one.
+        repeated: frames whose value is the sample of the previous frame.
+        late: samples that arrived after their frame was complete.
+        out_of_order: samples older than an earlier one; duplicates: samples with the stamp of an earlier one.
+        jumped: samples with a stamp from another clock, see ``HORIZON_NS``.
         worst_ns: largest distance of a used sample from its frame.
     """
 
@@ -62,32 +61,32 @@ class _Sample(NamedTuple):
 
 
 class TimeAligner:
-    """Aligns streams to a rate; ``push`` on the threads of transports, ``poll`` on any other.
+    """Aligns streams to a rate. Transports' threads call ``push``, one other thread calls ``poll``.
 
-    Frames stand on a grid of times that ``start`` begins. A frame is made as soon as every feature has a
-    sample at or after its time, at the latest ``wait_ns`` after it. A feature without a sample within its
-    tolerance is ``missing`` in the frame; nothing is filled. Of each stream at most two samples are kept for
-    each frame to come, the first and the last, so that memory does not grow with its rate.
+    The times of the frames form a grid that begins at ``start``. A frame is complete when every feature has a
+    sample at or after its time, at the latest ``wait_ns`` after that time. A feature without a sample within
+    its tolerance is ``missing`` in the frame and is not filled in. For each pending frame, at most two
+    samples of a stream are kept, the first and the last, which bounds the memory.
 
     Args:
-        alignments: of each feature; the keys are the features of every frame.
-        rate_hz: frames a second.
-        wait_ns: how long a frame waits for its parts; None for the largest tolerance.
+        alignments: by feature. Every frame has these features.
+        rate_hz: frames per second.
+        wait_ns: how long a frame waits for its samples; None for the largest tolerance.
 
     Raises:
         ValueError: the rate or a tolerance is not positive.
 
     Attributes:
         counts: by feature, since the aligner was made.
-        jumps: how often the clock of ``poll`` jumped, and the grid began anew.
-        skipped: frames that were not made because of that.
+        jumps: how often the clock of ``poll`` jumped and the grid was restarted.
+        skipped: frames that were dropped for that reason.
     """
 
     def __init__(
         self, alignments: Mapping[str, Alignment], rate_hz: float, *, wait_ns: int | None = None
     ) -> None:
         if not (0 < rate_hz < NS_PER_S) or any(a.tolerance_ns <= 0 for a in alignments.values()):
-            raise ValueError("a rate and tolerances above zero are needed")
+            raise ValueError("rate and tolerances must be above zero")
         self._alignments = dict(alignments)
         self._rate = Fraction(rate_hz).limit_denominator(1_000_000)
         tolerances = [alignment.tolerance_ns for alignment in alignments.values()]
@@ -95,7 +94,7 @@ class TimeAligner:
         self._horizon_ns = HORIZON_NS + self._wait_ns + round(NS_PER_S / rate_hz)
         self._lock = threading.Lock()
         self._newest: dict[str, _Sample] = {}
-        # samples by the number of the frame that they follow; frame k stands at origin + k / rate
+        # samples by the number of the frame that they follow; the time of frame k is origin + k / rate
         self._cells: dict[str, dict[int, list[_Sample]]] = {key: {} for key in alignments}
         self._origin_ns: int | None = None
         self._next = 0
@@ -108,7 +107,7 @@ class TimeAligner:
     def for_features(
         cls, features: Mapping[str, Feature], rate_hz: float, *, interpolate: bool = True
     ) -> TimeAligner:
-        """An aligner with a tolerance of one period: floats interpolated, all else nearest."""
+        """Return an aligner with a tolerance of one period: floats are interpolated, all else is nearest."""
         tolerance_ns = round(NS_PER_S / rate_hz)
         return cls(
             {
@@ -122,22 +121,23 @@ class TimeAligner:
         )
 
     def start(self, at_ns: int) -> None:
-        """Begins the grid of frames anew at a time; samples that came shortly before are kept."""
+        """Restarts the grid of frames at a time. Samples from shortly before are kept."""
         with self._lock:
             self._start(at_ns)
 
     def stop(self) -> None:
-        """Makes no frames until ``start`` or ``poll``; newest samples are kept up to date."""
+        """Stops making frames until ``start`` or ``poll``. The newest samples are still kept."""
         with self._lock:
             self._origin_ns = None
             for cells in self._cells.values():
                 cells.clear()
 
     def push(self, key: str, stamp_ns: int, value: Array) -> None:
-        """Takes a sample, in any order; the value is not copied.
+        """Adds a sample, in any order. The value is not copied.
 
         Args:
-            key: of a feature of this aligner, else KeyError; stamp_ns: its acquisition, ns since the epoch.
+            key: of a feature of this aligner, else KeyError; stamp_ns: time of acquisition, ns since the
+            epoch.
         """
         with self._lock:
             counts, sample = self.counts[key], _Sample(stamp_ns, value)
@@ -152,7 +152,7 @@ class TimeAligner:
                 counts.duplicates += 1
                 return
             elif newest.stamp_ns - stamp_ns > HORIZON_NS:
-                # the stream itself went back, before the grid began
+                # the stamps of the stream went back before the grid began
                 counts.jumped += 1
                 self._newest[key] = sample
             else:
@@ -161,7 +161,7 @@ class TimeAligner:
                 self._keep(key, sample, counts)
 
     def poll(self, now_ns: int) -> list[Frame]:
-        """Makes the frames that are complete or have waited long enough.
+        """Returns the frames that are complete or have waited long enough.
 
         Args:
             now_ns: on the clock of the stamps.
@@ -186,9 +186,9 @@ class TimeAligner:
             return frames
 
     def newest(self, now_ns: int) -> Frame:
-        """The newest sample of each feature, for a policy that acts when it is ready; leaves the grid alone.
+        """Returns the newest sample of each feature, for a policy that acts when ready. Keeps the grid.
 
-        Features whose sample is further from ``now_ns`` than the tolerance are missing.
+        A feature is missing if its sample is further from ``now_ns`` than the tolerance.
         """
         with self._lock:
             fresh = {
@@ -268,7 +268,7 @@ def _frame_of(at_ns: int, samples: Mapping[str, _Sample], missing: tuple[str, ..
 
 
 def _forget(cells: dict[int, list[_Sample]], upcoming: int) -> None:
-    """Drops what no frame from ``upcoming`` on can use: before it, all but the newest sample."""
+    """Drops samples that no frame from ``upcoming`` on can use: all earlier ones except the newest."""
     past = sorted(number for number in cells if number < upcoming)
     for number in past[:-1]:
         del cells[number]
@@ -279,7 +279,7 @@ def _forget(cells: dict[int, list[_Sample]], upcoming: int) -> None:
 def _aligned(
     cells: Mapping[int, list[_Sample]], number: int, at_ns: int, alignment: Alignment
 ) -> _Sample | None:
-    """The value at the time of a frame; None where no sample is near enough."""
+    """The value at the time of a frame; None if no sample is near enough."""
     before = max((s for n, kept in cells.items() if n < number for s in kept[-1:]), default=None)
     after_cell = min((n for n in cells if n >= number), default=None)
     after = cells[after_cell][0] if after_cell is not None else None

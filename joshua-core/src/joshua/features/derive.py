@@ -1,4 +1,4 @@
-"""Features from the graph of a robot: what its nodes publish, and what its actuators are told."""
+"""Derives features from the graph of a robot: what its nodes publish, and the commands of its actuators."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from joshua.schema import data_types
 
 _PICTURES = (types.IMAGE, types.COMPRESSED_IMAGE)
 
-#: What describes other topics, and shows nothing by itself.
+#: Types that describe other topics and are no observation themselves.
 _DESCRIPTIONS = (types.CAMERA_INFO,)
 
-#: Last parts of topics that say nothing about what is shown.
+#: Last parts of topic names that do not describe the content.
 _TOPIC_ENDS = ("image_raw", "image", "compressed", "joint_states")
 
 
@@ -33,20 +33,21 @@ def features_of(
 
     The joints of the arm are ``observation.state`` and ``action``; with several arms the name of the node
     follows, as in ``observation.state.left_arm``. Pictures are ``observation.images.`` and the name of the
-    camera without «camera»; what else is published is ``observation.`` and the name of its node or topic. A
-    topic that commands an actuator is no observation. ``action`` is what the actuator says that it wrote,
-    after ramp and limits. Where a person can take over from a model, ``intervention`` says when one has.
+    camera without "camera". Other topics are ``observation.`` and the name of their node or topic. A topic
+    that commands an actuator is no observation. ``action`` is the command that the actuator reports as
+    written, after ramp and limits. If a person can take over from a model, ``intervention`` marks when that
+    happens.
 
     Args:
         graph: of the nodes.
         joints: names of each actuator's joints; settings: of each sensor. By field path of the node block.
-        reader: a node, such as a model, of whose subscriptions the features are: observations only, and
-            topics that no node publishes count too, and a key that comes again gets a number; None for
-            everything that the robot shows, and its actions.
-        beside: publishers whose topics the reader gets without a subscription in the file.
+        reader: a node, such as a model, whose subscriptions become the features: observations only. Topics
+            without a publisher are included, and repeated keys are numbered. None for all observations of the
+            robot and its actions.
+        beside: publishers whose topics the reader receives without a subscription in the file.
 
     Raises:
-        ValueError: two nodes would have one key; the message names it.
+        ValueError: two nodes would have the same key; the message names it.
     """
     robot = _Robot(graph, joints, settings)
     if reader is None:
@@ -68,7 +69,7 @@ def camera_key(name: str) -> str:
 
 
 class _Robot:
-    """The nodes of a robot, by what they are to others."""
+    """The nodes of a robot, by their role."""
 
     def __init__(
         self, graph: RobotGraph, joints: Mapping[str, Sequence[str]], settings: Mapping[str, Any]
@@ -94,10 +95,12 @@ class _Robot:
                 for item in self._graph.of_entry(entry):
                     if item.is_publisher and self._is_observation(item):
                         feature = self.observed(item)
-                        own.setdefault(feature.key, feature)  # a camera's raw and compressed pictures are one
+                        own.setdefault(feature.key, feature)
                 both = own.keys() & found.keys()
                 if both:
-                    raise ValueError(f"two nodes show {min(both)}: rename {entry.full_name} or the other one")
+                    raise ValueError(
+                        f"two nodes provide {min(both)}: rename {entry.full_name} or the other one"
+                    )
                 found |= own
         yield from found.values()
         for arm in self._arms:
@@ -108,7 +111,7 @@ class _Robot:
                 yield Feature(self._of_arm(INTERVENTION, arm), "bool", (1,), topic=topic)
 
     def observed(self, item: Endpoint) -> Feature:
-        """The feature of a topic, as the node that publishes it describes it."""
+        """Return the feature of a topic, as described by the node that publishes it."""
         topic, data_type = item.topic, item.block.data_type
         source = self._publishers.get(topic)
         entry = source.entry if source is not None else None
@@ -145,7 +148,7 @@ def _plain(name: str) -> str:
 
 
 def _shown_by(topic: str) -> str:
-    """What a topic shows, by its name: ``top`` of ``/top/image_raw``."""
+    """The content of a topic, by its name: ``top`` of ``/top/image_raw``."""
     parts = topic.strip("/").split("/")
     while len(parts) > 1 and parts[-1] in _TOPIC_ENDS:
         parts.pop()
@@ -153,7 +156,7 @@ def _shown_by(topic: str) -> str:
 
 
 def _numbers(type_name: str) -> tuple[str, tuple[int, ...]]:
-    """Type and shape of the numbers of a message that is neither picture nor joints."""
+    """Type and shape of the numbers in a message that is neither a picture nor a joint state."""
     package, _, name = type_name.partition("/msg/")
     if package != "std_msgs" or name.endswith("MultiArray"):
         return "float32", (0,)

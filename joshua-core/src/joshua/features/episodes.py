@@ -1,4 +1,4 @@
-"""The contract of data sets that are written episode by episode, whoever makes the episodes."""
+"""The interface of data sets that are written episode by episode, from any source."""
 
 from __future__ import annotations
 
@@ -12,22 +12,23 @@ from joshua.features.frame import Frame
 
 
 class EpisodeError(Exception):
-    """A data set cannot be written; the message says where, why and what to do."""
+    """A data set cannot be written. The message says where, why and what to do."""
 
 
 @dataclass(frozen=True)
 class DatasetLayout:
-    """What a data set holds.
+    """The contents of a data set.
 
     Attributes:
         folder: of the data set; robot_type: what was recorded.
         fps: frames per second.
-        features: what each frame has.
+        features: of each frame.
         codec: of videos: ``h264``, ``hevc`` or ``av1``.
-        pictures: ``video``, ``png`` or ``jpeg``; layouts that know only videos refuse the others.
-        resume: append to a data set that exists and has the same features.
-        identity: what an appended episode must share besides, such as the digest of a calibration, by name.
-        counters: names of whole numbers that ``end_episode`` gets for each episode.
+        pictures: ``video``, ``png`` or ``jpeg``. Layouts that support only videos refuse the others.
+        resume: append to an existing data set with the same features.
+        identity: further values that appended episodes must share, such as the digest of a calibration, by
+        name.
+        counters: names of the integers that ``end_episode`` receives for each episode.
     """
 
     folder: Path
@@ -42,15 +43,15 @@ class DatasetLayout:
 
 
 class EpisodeWriter(ABC):
-    """Write one data set, one episode after the other. Used by one thread at a time.
+    """Writes one data set, one episode after the other. Used by one thread at a time.
 
-    Every episode that has ended is safe on the disk, whatever happens afterwards.
+    An ended episode is safe on the disk, whatever happens afterwards.
 
     Args:
-        layout: what the data set holds.
+        layout: the contents of the data set.
 
     Attributes:
-        episodes: how many have ended.
+        episodes: number of ended episodes.
     """
 
     def __init__(self, layout: DatasetLayout) -> None:
@@ -59,25 +60,25 @@ class EpisodeWriter(ABC):
 
     @abstractmethod
     def open(self) -> None:
-        """Create the folder, or append to it. Raises EpisodeError, also where it may not be appended to."""
+        """Create the folder, or append to it. Raises EpisodeError, also if appending is not allowed."""
 
     @abstractmethod
     def add_frame(self, frame: Frame) -> None:
-        """Add a frame to the open episode; its stamp need not be on the beat of ``fps``.
+        """Add a frame to the open episode. Its stamp need not be a multiple of the period of ``fps``.
 
         Raises:
-            EpisodeError: a value is missing or does not fit its feature, or the disk refuses it.
+            EpisodeError: a value is missing or does not match its feature, or writing fails.
         """
 
     @abstractmethod
     def end_episode(self, task: str, counts: Mapping[str, int] | None = None) -> None:
-        """End the open episode, which shows ``task``.
+        """End the open episode, which performs ``task``.
 
         Args:
-            counts: by the names in ``layout.counters``; 0 for those that are left out.
+            counts: by the names in ``layout.counters``; 0 for those left out.
 
         Raises:
-            EpisodeError: it has no frame, or the disk refuses it.
+            EpisodeError: it has no frame, or writing fails.
         """
 
     @abstractmethod
@@ -85,5 +86,5 @@ class EpisodeWriter(ABC):
         """Discard the frames of the open episode."""
 
     def close(self) -> None:
-        """Discard an episode that has not ended; idempotent."""
+        """Discard an open episode. Idempotent."""
         self.drop_episode()

@@ -1,4 +1,4 @@
-"""Features in their order, by key, and what differs between two of them."""
+"""An ordered set of features by key, and the differences between two sets."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from joshua.plan.feature import Feature
 #: Ending of the names of joints in LeRobot's units.
 LEROBOT_SUFFIX = ".pos"
 
-#: Columns of a data set that count its frames and tell their time.
+#: Columns of a data set for indices and times of frames.
 LEROBOT_COLUMNS = ("timestamp", "stamp_ns", "frame_index", "episode_index", "index", "task_index")
 
 
 class FeatureSet(Mapping[str, Feature]):
-    """What a robot, a data set or a model has, in order; a value.
+    """The features of a robot, a data set or a model, in order. Immutable.
 
     Args:
-        features: with different keys.
+        features: with unique keys.
 
     Raises:
-        ValueError: a key stands there twice.
+        ValueError: two features have the same key.
     """
 
     def __init__(self, features: Iterable[Feature] = ()) -> None:
         self._features: dict[str, Feature] = {}
         for feature in features:
             if feature.key in self._features:
-                raise ValueError(f"the feature {feature.key} stands there twice: rename one of the two")
+                raise ValueError(f"two features are called {feature.key}: rename one of them")
             self._features[feature.key] = feature
 
     def __getitem__(self, key: str) -> Feature:
@@ -54,10 +54,10 @@ class FeatureSet(Mapping[str, Feature]):
         return tuple(feature for feature in self._features.values() if not feature.is_picture)
 
     def differences(self, other: FeatureSet, *, here: str = "here", there: str = "there") -> list[str]:
-        """What differs, one sentence for each feature; topics and the order of the features do not count.
+        """Describe the differences, one sentence per feature. Topics and the order are ignored.
 
         Args:
-            other: the other side; here, there: how sentences call the sides.
+            other: the other set; here, there: names of the two sets in the sentences.
         """
         found = [f"{key} is {here} and not {there}" for key in self if key not in other]
         found += [f"{key} is {there} and not {here}" for key in other if key not in self]
@@ -67,7 +67,7 @@ class FeatureSet(Mapping[str, Feature]):
         return found
 
     def as_lerobot(self) -> dict[str, dict[str, Any]]:
-        """Features as ``meta/info.json`` of a data set in LeRobot's layout has them; pictures are videos."""
+        """Return the features as in ``meta/info.json`` of LeRobot's layout, pictures as videos."""
         described: dict[str, dict[str, Any]] = {}
         for feature in self._features.values():
             dtype = "video" if feature.is_picture else feature.dtype
@@ -80,12 +80,12 @@ class FeatureSet(Mapping[str, Feature]):
 
     @classmethod
     def from_lerobot(cls, described: Mapping[str, Mapping[str, Any]]) -> FeatureSet:
-        """Reads the features of a data set, columns of indices and times left out.
+        """Reads the features of a data set, without the columns for indices and times.
 
-        Names that end in ``.pos`` are in LeRobot's units, where the data set says no unit.
+        Names ending in ``.pos`` are in LeRobot's units if the data set states no unit.
 
         Raises:
-            ValueError: the description is none; the message names the feature.
+            ValueError: a description is invalid; the message names the feature.
         """
         return cls(
             _from_lerobot(key, values) for key, values in described.items() if key not in LEROBOT_COLUMNS
@@ -95,7 +95,7 @@ class FeatureSet(Mapping[str, Feature]):
 def _from_lerobot(key: str, values: Mapping[str, Any]) -> Feature:
     try:
         dtype, shape, names = str(values["dtype"]), tuple(map(int, values["shape"])), values.get("names")
-        if isinstance(names, Mapping):  # {"motors": [...]}, as older data sets write it
+        if isinstance(names, Mapping):  # {"motors": [...]}, the form of older data sets
             names = next(iter(names.values()), ())
         known = tuple(map(str, names or ()))
         if dtype in ("video", "image"):

@@ -1,4 +1,4 @@
-"""The values of all features at one time, each with the stamp of its acquisition."""
+"""The values of all features at one time, each with its acquisition stamp."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ Array = npt.NDArray[Any]
 
 
 class FeatureError(ValueError):
-    """A value does not fit its feature; the message names both."""
+    """A value does not match its feature. The message names both."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """What was seen and done at one time.
+    """Observations and actions at one time.
 
     Attributes:
-        stamp_ns: the time that the frame stands for, ns since the epoch.
-        values: by key of the feature; the arrays are not to be changed.
-        stamps_ns: acquisition of each value; of an interpolated one, of the nearer of its two samples.
-        missing: keys of features that have no value within their tolerance; they are not in ``values``.
+        stamp_ns: the time of the frame, ns since the epoch.
+        values: by key of the feature. Do not modify the arrays.
+        stamps_ns: acquisition stamp of each value; for an interpolated one, of the nearer of its two samples.
+        missing: keys of features without a value within their tolerance. They are absent from ``values``.
     """
 
     stamp_ns: int
@@ -43,16 +43,16 @@ class Frame:
 
 
 def checked(feature: Feature, value: Any) -> Array:
-    """A value as an array of the feature's type. Raises FeatureError for one of another shape.
+    """Return a value as an array of the feature's type. Raises FeatureError if the shape differs.
 
-    Numbers are converted; pictures must have the type already, since a float picture has another range.
+    Numbers are converted. Pictures must already be uint8, because a float picture has another range.
     """
     try:
         array = np.asarray(value) if feature.is_picture else np.asarray(value, np.dtype(feature.dtype))
     except (TypeError, ValueError) as error:
-        raise FeatureError(f"{feature.key} is no array of {feature.dtype}: {error}") from error
+        raise FeatureError(f"{feature.key} cannot be converted to {feature.dtype}: {error}") from error
     if feature.is_picture and array.dtype != np.uint8:
-        raise FeatureError(f"{feature.key} has values of {array.dtype}, and a picture is of uint8")
+        raise FeatureError(f"{feature.key} has values of {array.dtype}, but pictures are uint8")
     fits = len(array.shape) == len(feature.shape) and all(
         wanted in (0, given) for given, wanted in zip(array.shape, feature.shape, strict=True)
     )

@@ -1,14 +1,14 @@
 """Positions of joints in radians, degrees, and the units of LeRobot's data sets and policies.
 
-Both follow from a calibration: its range in ticks, and the direction. A position of t ticks is
-``sign · (t - zero) · 2π / ticks_per_turn`` radians, where sign is -1 for an inverted motor. LeRobot gives the
-same position as
+The conversions follow from a calibration: the range in ticks and the direction. A position of t ticks is
+``sign · (t - zero) · 2π / ticks_per_turn`` radians, where sign is -1 for an inverted motor. In LeRobot's
+units, the same position is
 
 - ``200 · (t - range_min) / (range_max - range_min) - 100``, negated with drive mode 1 (``RANGE_M100_100``),
 - ``100 · (t - range_min) / (range_max - range_min)``, or 100 minus that with drive mode 1 (``RANGE_0_100``),
 - ``360 · (t - (range_min + range_max) / 2) / (ticks_per_turn - 1)``, whatever the drive mode (``DEGREES``).
 
-Each is a straight line through the position in radians, so that nothing is lost in either direction.
+Each unit is linear in the position in radians, so conversions in both directions are exact.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ TICKS_PER_TURN = 4096
 
 
 class Unit(str, Enum):
-    """A unit of joint positions; the value is that of ``Feature.unit``."""
+    """A unit of joint positions. The values are those of ``Feature.unit``."""
 
     RADIANS = "rad"
     DEGREES = "deg"
-    """About the zero of the calibration, as radians are."""
+    """Relative to the zero of the calibration, like radians."""
     LEROBOT = "lerobot"
     """LeRobot's normalised values: -100 to 100 over the calibrated range, grippers 0 to 100."""
     LEROBOT_DEGREES = "lerobot_deg"
-    """LeRobot's ``use_degrees``: about the middle of the calibrated range, in the motor's direction;
-    grippers 0 to 100."""
+    """LeRobot's ``use_degrees``: from the middle of the range, in the motor's direction; grippers 0 to 100.
+    """
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class CalibratedJoint:
         name: of the joint; min_rad, max_rad: ends of the range, the first below the second.
         inverted: the motor counts against the joint's positive direction.
         ticks_per_turn: of the motor's encoder.
-        percent: LeRobot normalises it to 0…100 and not to -100…100, as it does with grippers.
+        percent: LeRobot normalises it to 0…100 instead of -100…100, as for grippers.
     """
 
     name: str
@@ -65,19 +65,19 @@ class CalibratedJoint:
     def __post_init__(self) -> None:
         if not 0 < self.max_rad - self.min_rad < math.inf:
             raise ValueError(
-                f"{self.name}: {self.min_rad} to {self.max_rad} rad is no range: calibrate the joint, "
+                f"{self.name}: {self.min_rad} to {self.max_rad} rad is no valid range: calibrate the joint, "
                 "or give it limits"
             )
 
 
 class JointUnits:
-    """Conversions of the joints of one arm; arrays have shape (…, N) in joint order.
+    """Conversions for the joints of one arm. Arrays have shape (…, N) in joint order.
 
     Args:
         joints: with their calibrated ranges.
 
     Raises:
-        ValueError: two joints have one name.
+        ValueError: two joints have the same name.
     """
 
     def __init__(self, joints: Iterable[CalibratedJoint]) -> None:
@@ -85,7 +85,7 @@ class JointUnits:
         self.names = tuple(joint.name for joint in self.joints)
         if len(set(self.names)) < len(self.names):
             raise ValueError(f"two joints have one name: {', '.join(self.names)}")
-        # value = value at the anchor + (position - anchor) · gain; at the anchor nothing is rounded
+        # value = value at the anchor + (position - anchor) · gain; the conversion is exact at the anchor
         self._lines = {
             unit: np.array([_line(j, unit) for j in self.joints]).reshape(-1, 3).T for unit in Unit
         }
@@ -116,14 +116,14 @@ class JointUnits:
 
     @classmethod
     def from_ranges(cls, joints: Iterable[JointRange]) -> JointUnits:
-        """Units of joints that have limits and no motors, such as those of a simulated arm."""
+        """Units of joints with limits but without motors, such as those of a simulated arm."""
         return cls(
             CalibratedJoint(joint.name, joint.min_rad, joint.max_rad, percent=is_gripper(joint.name))
             for joint in joints
         )
 
     def chosen(self, names: Sequence[str]) -> JointUnits:
-        """The units of some joints, in another order. Raises KeyError for a name that is not there."""
+        """Return the units of selected joints, in the given order. Raises KeyError for an unknown name."""
         by_name = {joint.name: joint for joint in self.joints}
         return JointUnits(by_name[name] for name in names)
 
@@ -132,7 +132,7 @@ class JointUnits:
 
         Args:
             position_rad: shape (…, N); unit: to convert to.
-            clip: keep normalised values in their range, as LeRobot does.
+            clip: clip normalised values to their range, as LeRobot does.
         """
         anchor, at_anchor, gain = self._lines[unit]
         values: FloatArray = at_anchor + (np.asarray(position_rad, np.float64) - anchor) * gain
@@ -148,13 +148,13 @@ class JointUnits:
         return position
 
     def feature(self, feature: Feature, unit: Unit) -> Feature:
-        """A feature in radians as it is in another unit: LeRobot's names end in ``.pos``."""
+        """Convert a feature in radians to another unit, with LeRobot's names that end in ``.pos``."""
         ending = LEROBOT_SUFFIX if unit in (Unit.LEROBOT, Unit.LEROBOT_DEGREES) else ""
         return replace(feature, unit=unit.value, names=tuple(name + ending for name in feature.names))
 
 
 def is_gripper(name: str) -> bool:
-    """Whether LeRobot normalises a joint to 0…100, judged by its name."""
+    """Whether LeRobot normalises a joint to 0…100, by its name."""
     return name == "gripper" or name.endswith("_gripper")
 
 

@@ -1,4 +1,4 @@
-"""What a model needs and a robot lacks: each difference names both sides and the remedy."""
+"""Compares the needs of a model with a robot. Each difference names both sides and the remedy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _RATE_TOLERANCE = 0.01
 
 
 class Unmet(NamedTuple):
-    """One difference: ``field`` of the model's entry that it is about, "" for the entry itself."""
+    """One difference. ``field``: of the model's entry, "" for the entry itself."""
 
     message: str
     remedy: str
@@ -27,10 +27,10 @@ class Unmet(NamedTuple):
 def unmet(
     needs: ModelNeeds, features: FeatureSet, joints: Sequence[JointRange], rate_hz: float, strategy: str
 ) -> list[Unmet]:
-    """Compares what a model needs with what it is given.
+    """Compares the needs of a model with the robot.
 
     Args:
-        features: of its observations, by the model's keys; joints: that it commands.
+        features: of its observations, by the model's keys; joints: those that it commands.
         rate_hz: at which its actions are published; strategy: of the execution.
     """
     source = f" ({needs.source})" if needs.source else ""
@@ -86,7 +86,7 @@ def _features(needed: Sequence[Feature], given: FeatureSet, source: str) -> Iter
         same = [f for f in given.values() if f.is_picture is feature.is_picture]
         free = [_short(f.key) for f in same if f.key not in wanted]
         has = ", ".join(f.key for f in same) or "none"
-        message = f"The model needs {feature.key}{source}; the robot gives it {has}"
+        message = f"The model needs {feature.key}{source}; the robot provides {has}"
         if free:
             remedy = f'Add rename {{ robot: "{free[0]}" model: "{_short(feature.key)}" }} to the model'
         elif feature.is_picture:
@@ -130,7 +130,7 @@ def _numbers(needed: Feature, given: Feature, source: str) -> Iterator[Unmet]:
 def _ranges(
     key: str, trained: Iterable[tuple[JointRange, float, float]], unit: str, source: str
 ) -> Iterator[Unmet]:
-    """Joints whose positions in training lie far outside what the joint can reach: another unit, mostly."""
+    """Joints whose positions in training lie far outside their range, mostly because of another unit."""
     for joint, least, greatest in trained:
         half = math.degrees(joint.max_rad - joint.min_rad) / 2
         low, high = {

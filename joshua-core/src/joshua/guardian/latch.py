@@ -27,7 +27,7 @@ class Latch:
     """One e-stop.
 
     Attributes:
-        identifier: of this e-stop; another e-stop of the same robot has another.
+        identifier: of this e-stop, different for each e-stop of a robot.
         robot: ``general.id`` of the file; source: the file.
         domain_id, nodes: the actuators, by fully qualified name.
         since: local time; process_id: of the program that set it.

@@ -93,7 +93,7 @@ def run_bounded(
         return _failed("the safe-stop action ended its process without a report")
     finally:
         os.close(reader)
-        os.kill(child, signal.SIGKILL)  # not reaped yet, so the number is still its own
+        os.kill(child, signal.SIGKILL)  # not reaped yet, so the process id is still valid
         os.waitpid(child, 0)
 
 
@@ -116,7 +116,7 @@ def _failed(detail: str) -> dict[str, Any]:
 
 
 class DriverProcess:
-    """The parent process. Its number is its own as long as the kernel names it as the parent of this one."""
+    """The parent process. Its process id is valid while the kernel reports it as this one's parent."""
 
     def __init__(self, process_id: int) -> None:
         self.process_id = process_id

@@ -1,4 +1,4 @@
-"""The order of a driver to its guardian, sent once before torque is enabled, and the words after it."""
+"""The order of a driver to its guardian, sent once before torque is enabled, and the codes sent after it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HANG_LIMIT_S = 0.3
 #: An action that has not returned this long after the order's timeout is killed.
 OVERTIME_S = 1.5
 
-# Words of the driver, one byte each.
+# Codes of the driver, one byte each.
 ARMED = b"A"  # joints may have torque from here on
 BEAT = b"B"
 STOPPING = b"S"  # the driver applies the safe state itself, without heartbeats for a moment

@@ -10,7 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
-#: Most that one look at a clock counts, for a clock that is read several times in that time.
+#: Upper limit of the time that one look counts, for a clock that is read several times in that time.
 LONGEST_LOOK_S = 0.25
 
 #: The same for watchers of a control loop, which look at least every 0.06 s.
@@ -19,7 +19,7 @@ WATCHER_LOOK_S = 0.09
 #: A loop without heartbeat for this multiple of its limit hangs, even while it waits for a processor.
 PATIENCE_FACTOR = 5.0
 
-#: Interval at which the witness of a process looks.
+#: Interval at which the witness of a process reads the clock.
 WITNESS_PERIOD_S = 0.02
 
 

@@ -98,5 +98,5 @@ def lock_memory() -> bool:
     import resource
 
     if resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] != resource.RLIM_INFINITY:
-        return False  # a limit that is reached later would make allocations fail
+        return False  # exceeding a limit later would make allocations fail
     return bool(_libc().mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0)

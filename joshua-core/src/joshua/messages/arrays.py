@@ -1,4 +1,4 @@
-"""Messages as arrays: pictures as RGB, everything else as its numbers."""
+"""Messages as arrays: pictures as RGB, all other types as numbers."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ _NOT_SHOWN = ("header", "layout")
 
 
 def array_of(message: Any, names: Sequence[str] = ()) -> Any:
-    """What a message shows, as an array.
+    """Return the content of a message as an array.
 
     Args:
         message: an Image or CompressedImage gives (H, W, 3) uint8, RGB; a JointState the positions of its
             joints in radians, a LaserScan its ranges in metres, any other its numbers without headers.
-        names: joints, in the order that is wanted; () for that of the message.
+        names: joints in the wanted order; () for the order of the message.
 
     Raises:
-        MessageError: a picture has no colours or cannot be decoded, a joint is not there, or the message
-            holds no number.
+        MessageError: a picture has no colours or cannot be decoded, a joint is missing, or the message
+            contains no number.
     """
     kind = type(message).__msgtype__
     if kind in ("sensor_msgs/msg/Image", COMPRESSED_IMAGE):
@@ -46,10 +46,10 @@ def array_of(message: Any, names: Sequence[str] = ()) -> Any:
 
 
 def picture(message: Any) -> Any:
-    """The picture of an Image or CompressedImage, shape (H, W, 3), uint8, RGB; it may be a read-only view.
+    """Return the picture of an Image or CompressedImage, (H, W, 3) uint8, RGB, possibly a read-only view.
 
     Raises:
-        MessageError: it has no colours, is damaged, or needs a decoder that is not installed.
+        MessageError: the picture has no colours, is damaged, or requires a decoder that is not installed.
     """
     if type(message).__msgtype__ == COMPRESSED_IMAGE:
         cv2 = load_decoder()
@@ -66,17 +66,17 @@ def picture(message: Any) -> Any:
 
 @lru_cache(maxsize=1)
 def load_decoder() -> Any:
-    """The library that decodes compressed pictures. Raises MessageError where it is not installed."""
+    """Import the library that decodes compressed pictures. Raises MessageError if it is not installed."""
     try:
         return importlib.import_module("cv2")
     except ImportError as error:
         raise MessageError(
-            "compressed images need OpenCV to be decoded: pip install opencv-python-headless"
+            "decoding compressed images requires OpenCV: pip install opencv-python-headless"
         ) from error
 
 
 def holds_numbers(type_name: str) -> bool:
-    """Whether ``array_of`` makes an array of messages of a type."""
+    """Whether ``array_of`` supports a message type."""
     shown = [field for field in fields(type_name) if field.name not in _NOT_SHOWN]
     return any(
         holds_numbers(field.base) if field.is_message else not field.base.endswith("string")
@@ -85,7 +85,7 @@ def holds_numbers(type_name: str) -> bool:
 
 
 def acquired_ns(message: Any, received_ns: int) -> int:
-    """The stamp of a message's header, ns since the epoch; ``received_ns`` where it has none."""
+    """The stamp of a message's header, ns since the epoch; ``received_ns`` if it has none."""
     header = getattr(message, "header", None)
     return (stamp_ns(header.stamp) if header is not None else 0) or received_ns
 

@@ -1,4 +1,4 @@
-"""The pieces of CDR (XCDR1, little endian) that the fast paths share.
+"""The parts of CDR (XCDR1, little endian) that the fast paths share.
 
 Source: OMG DDSI-RTPS 2.5, section 10, and the encoding that ROS 2 middlewares use.
 """
@@ -20,7 +20,7 @@ u32_at = _U32.unpack_from
 
 
 def pad(position: int, alignment: int) -> bytes:
-    """Zero bytes that bring a position up to an alignment."""
+    """Zero bytes that align a position."""
     return b"\x00" * (-position % alignment)
 
 
@@ -53,7 +53,7 @@ def get_string(view: memoryview, position: int) -> tuple[str, int]:
 
 
 def check_end(position: int, length: int) -> None:
-    """Refuses payloads with more than the three padding bytes that CDR allows behind the last field.
+    """Reject payloads with more than the three padding bytes that CDR allows after the last field.
 
     Raises:
         ValueError: more bytes follow.

@@ -20,7 +20,7 @@ from joshua.messages.cdr import NATIVE_LE
 
 
 class CdrStore(Typestore):
-    """Compiles a third of what the base class compiles, which also converts from and to ROS 1.
+    """Compiles a third of the code that the base class compiles, which also converts from and to ROS 1.
 
     Every process compiles the codecs of its types while it starts.
 
@@ -40,7 +40,7 @@ class CdrStore(Typestore):
         return found if "__dataclass_fields__" in vars(found) else dataclass(found)
 
     def get_msgdef(self, typename: str) -> Msgdef[Any]:
-        """The codecs of a type, compiled at the first call."""
+        """Return the codecs of a type, compiled at the first call."""
         if typename not in self.cache:
             fields = [(normalize_fieldname(name), kind) for name, kind in self.fielddefs[typename][1]]
             getsize, size = cdr.generate_getsize_cdr(fields, self)

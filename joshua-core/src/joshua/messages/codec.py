@@ -1,4 +1,4 @@
-"""Messages to CDR bytes and back: fast paths where they pay, ``rosbags`` for everything else."""
+"""Messages to CDR bytes and back: fast paths where they pay off, ``rosbags`` for everything else."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def encode(message: Any) -> Any:
     """Serialise a message to little-endian CDR with its encapsulation header.
 
     Args:
-        message: object of a class that ``message_class`` returned; lists serve for arrays.
+        message: object of a class that ``message_class`` returned. Lists are accepted for arrays.
 
     Returns:
         bytes or a read-only memoryview.
@@ -78,7 +78,7 @@ def encode(message: Any) -> Any:
             return codecs.store.serialize_cdr(message, name)
     except Exception as error:  # noqa: BLE001 - whatever the generated code stumbled over
         cause = error
-    # building again names the field that does not fit, and turns lists into arrays
+    # building it again names the invalid field and turns lists into arrays
     checked = codecs.build(name, message)
     try:
         return codecs.store.serialize_cdr(checked, name)
@@ -87,14 +87,14 @@ def encode(message: Any) -> Any:
 
 
 def decode(type_name: str, cdr: Any) -> Any:
-    """Deserialise CDR bytes of either byte order; numeric arrays are views where the order is ours.
+    """Deserialise CDR bytes of either byte order. Numeric arrays are views if the order is native.
 
     Args:
         type_name: ROS 2 type, such as ``sensor_msgs/msg/Image``.
         cdr: bytes-like payload with its encapsulation header.
 
     Raises:
-        MessageError: the type is unknown or the payload malformed.
+        MessageError: the type is unknown or the payload is malformed.
     """
     codecs = _current()
     view = cdr if type(cdr) is memoryview else memoryview(cdr)
@@ -110,9 +110,9 @@ def decode(type_name: str, cdr: Any) -> Any:
 
 
 def preload(type_names: tuple[str, ...] = ()) -> None:
-    """Load the definitions and compile the codecs of the named types, those with a fast path excepted.
+    """Load the definitions and compile the codecs of the named types, except those with a fast path.
 
-    A fork server calls it once, so that its children find everything in memory; a node before it is active,
+    The fork server calls it once, and its children share the result. A node calls it before it is active,
     because compiling takes longer than a control loop may stall.
 
     Raises:

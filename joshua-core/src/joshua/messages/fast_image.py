@@ -1,4 +1,4 @@
-"""Fast CDR paths of ``sensor_msgs/msg/Image`` and ``CompressedImage``: one copy to write, none to read."""
+"""Fast CDR paths of ``sensor_msgs/msg/Image`` and ``CompressedImage``: writing copies once, reading never."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _SIZE = struct.Struct("<II")
 
 
 def _bytes_of(data: Any, type_name: str) -> Any:
-    """The data of an image as a flat buffer; anything that holds uint8 in row order, or bytes.
+    """Return the data of an image as a flat buffer, from bytes or anything that holds uint8 in row order.
 
-    Arrays of shape (H, W, C) are taken as they lie, row by row.
+    Arrays of shape (H, W, C) are read in memory order, row by row.
     """
     if isinstance(data, (bytes, bytearray, memoryview)):
         return memoryview(data).cast("B") if isinstance(data, memoryview) else data
@@ -31,7 +31,7 @@ def _bytes_of(data: Any, type_name: str) -> Any:
         return b""
     if not array.size:
         return b""
-    # ascontiguousarray copies only what is strided, such as a crop or a flipped image
+    # ascontiguousarray copies only strided arrays, such as a crop or a flipped image
     whole: Any = np.ascontiguousarray(array)
     return memoryview(whole).cast("B")
 
@@ -98,7 +98,7 @@ def write_compressed(message: Any) -> bytes:
 
 
 class ImageReader:
-    """Reads Images; ``data`` is a view of the payload, flat uint8, read-only where the payload is."""
+    """Reads Images. ``data`` is a view of the payload, flat uint8, read-only if the payload is."""
 
     def __init__(self, image: Any, header: Any, time: Any) -> None:
         self._image, self._header, self._time = image, header, time
@@ -124,7 +124,7 @@ class ImageReader:
 
 
 class CompressedReader:
-    """Reads CompressedImages; ``data`` is a view of the payload, flat uint8."""
+    """Reads CompressedImages. ``data`` is a view of the payload, flat uint8."""
 
     def __init__(self, image: Any, header: Any, time: Any) -> None:
         self._image, self._header, self._time = image, header, time

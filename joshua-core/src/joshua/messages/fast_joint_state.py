@@ -1,4 +1,4 @@
-"""Fast CDR path of ``sensor_msgs/msg/JointState``: everything but stamp and numbers is cached."""
+"""Fast CDR path of ``sensor_msgs/msg/JointState``: everything except the stamp and the numbers is cached."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _STAMP = struct.Struct("<iI")
 def _constant_parts(
     frame_id: str, names: tuple[str, ...], counts: tuple[int, int, int]
 ) -> tuple[bytes, bytes, bytes]:
-    """What stands before positions, velocities and efforts, with the padding each of them needs."""
+    """The bytes before positions, velocities and efforts, with the padding that each of them needs."""
     parts: list[bytes] = []
     at = put_string(parts, 8, frame_id)
     gap = pad(at, 4)
@@ -78,7 +78,7 @@ def write(message: Any) -> bytes:
 
 
 class Reader:
-    """Reads JointStates; remembers the frame and the names of the last message, which rarely change."""
+    """Reads JointStates. Caches the frame and the names of the last message, which rarely change."""
 
     def __init__(self, joint_state: Any, header: Any, time: Any) -> None:
         self._joint_state, self._header, self._time = joint_state, header, time
@@ -103,7 +103,7 @@ class Reader:
             at += 4
             if count:
                 at += -at % 8
-            # frombuffer refuses counts that the payload cannot hold
+            # frombuffer rejects counts that exceed the payload
             arrays.append(np.frombuffer(view, _FLOAT64, count, at) if count else np.empty(0, _FLOAT64))
             at += 8 * count
         check_end(at, len(view))

@@ -1,4 +1,4 @@
-"""Fields of a message as data: building from plain values, checking, and plain values back."""
+"""Fields of a message as data: build a message from plain values, check it, convert it back."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 from joshua.messages.typestore import MessageError, definitions, distro, message_class, require_type
 
 PLACEHOLDER = "structure_needs_at_least_one_member"
-"""The member that the wire form of a message without fields has."""
+"""The member that a message without fields has on the wire."""
 
 _TIME = "builtin_interfaces/msg/Time"
 _HEADER = "std_msgs/msg/Header"
@@ -50,7 +50,7 @@ class Field:
 
     @property
     def text(self) -> str:
-        """The type as a ROS 2 definition writes it, such as ``float64[6]``."""
+        """The type as in a ROS 2 definition, such as ``float64[6]``."""
         base = self.base.replace("/msg/", "/")
         if self.shape == "one":
             return base
@@ -88,9 +88,9 @@ def _fields(full_name: str, _distro: str) -> tuple[Field, ...]:
 
 
 def give_defaults(cls: Any, full_name: str) -> None:
-    """Let the constructor of a message class take fields in order or by name, and None for a zero.
+    """Let the constructor of a message class take fields by position or name, and None for zero.
 
-    Fields that only Jazzy has are accepted with Humble's definitions too, and left out.
+    With Humble's definitions, fields that only Jazzy has are accepted and ignored.
     """
     known = fields(full_name)
     later = definitions(humble=False).fielddefs.get(full_name, ((), ()))[1]
@@ -106,16 +106,16 @@ def give_defaults(cls: Any, full_name: str) -> None:
 
 
 def build(type_name: str, values: Any = None, path: str = "") -> Any:
-    """Makes a message from plain values; what is left out takes the zero of its type.
+    """Make a message from plain values. Missing fields get the zero of their type.
 
     Args:
         type_name: ROS 2 type.
-        values: mapping of field names to numbers, texts, lists and mappings; for a time also the
-            text ``now``, for a header also ``auto``. An object of the message class is checked.
-        path: where the values stand, for messages.
+        values: mapping of field names to numbers, texts, lists and mappings. A time also takes the text
+            ``now``, a header also ``auto``. An object of the message class is checked.
+        path: location of the values, for error messages.
 
     Raises:
-        MessageError: a field is unknown (the nearest names follow) or a value does not fit.
+        MessageError: a field is unknown (the message lists the nearest names) or a value has the wrong type.
     """
     full = require_type(type_name)
     known = fields(full)
@@ -143,7 +143,7 @@ def build(type_name: str, values: Any = None, path: str = "") -> Any:
 
 
 def to_plain(message: Any) -> dict[str, Any]:
-    """A message as nested mappings; arrays stay arrays, and octets count from 0 to 255."""
+    """Convert a message to nested mappings. Arrays stay arrays, and octets range from 0 to 255."""
     result: dict[str, Any] = {}
     for field in fields(message.__msgtype__):
         if field.wire_name == PLACEHOLDER:
@@ -158,8 +158,7 @@ def to_plain(message: Any) -> dict[str, Any]:
 def arrays_fit(message: Any, type_name: str) -> bool:
     """Whether every numeric array of a message has the element type of its field.
 
-    The wire form copies the bytes of an array, so that int64 numbers in a float64 field would arrive
-    as other numbers.
+    The encoder copies the bytes of an array: int64 numbers in a float64 field would arrive as other numbers.
     """
     for field in _array_paths(type_name, distro()):
         value = getattr(message, field.name)

@@ -1,4 +1,4 @@
-"""Short ways to stamps, headers and the messages that every robot sends."""
+"""Shortcuts for stamps, headers and the messages that every robot sends."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def stamp(stamp_ns: int | None = None) -> Any:
     """A ``builtin_interfaces/msg/Time``.
 
     Args:
-        stamp_ns: ns since the epoch; None takes the time of the call.
+        stamp_ns: ns since the epoch; None for the time of the call.
     """
     sec, nanosec = divmod(time.time_ns() if stamp_ns is None else stamp_ns, _NS_PER_S)
     return message_class("builtin_interfaces/msg/Time")(sec, nanosec)
@@ -30,7 +30,7 @@ def stamp_ns(time_message: Any) -> int:
 
 
 def header(frame_id: str = "", at_ns: int | None = None) -> Any:
-    """A ``std_msgs/msg/Header``; ``at_ns`` as for ``stamp``."""
+    """A ``std_msgs/msg/Header``. ``at_ns`` is the ``stamp_ns`` of ``stamp``."""
     return message_class("std_msgs/msg/Header")(stamp(at_ns), frame_id)
 
 
@@ -47,14 +47,14 @@ def joint_state(
 
     Args:
         names: joint names, N of them.
-        position_rad: N numbers, or none.
-        velocity_rad_s: N numbers, or none.
-        effort: N numbers, or none.
+        position_rad: N numbers, or empty.
+        velocity_rad_s: N numbers, or empty.
+        effort: N numbers, or empty.
         frame_id: frame of the header.
-        at_ns: acquisition time, ns since the epoch; None takes the time of the call.
+        at_ns: acquisition time, ns since the epoch; None for the time of the call.
 
     Raises:
-        MessageError: an array has neither N numbers nor none.
+        MessageError: an array is neither empty nor of length N.
     """
     arrays = []
     for label, values in (
@@ -64,19 +64,19 @@ def joint_state(
     ):
         array = np.ascontiguousarray(values, np.float64)
         if array.shape not in ((len(names),), (0,)):
-            raise MessageError(f"{label} has shape {array.shape}; {len(names)} joints take ({len(names)},)")
+            raise MessageError(f"{label} has shape {array.shape}; {len(names)} joints need ({len(names)},)")
         arrays.append(array)
     return message_class("sensor_msgs/msg/JointState")(header(frame_id, at_ns), list(names), *arrays)
 
 
 def image(pixels: Any, encoding: str = "rgb8", *, frame_id: str = "", at_ns: int | None = None) -> Any:
-    """A ``sensor_msgs/msg/Image`` that refers to the pixels; they are copied when it is serialised.
+    """A ``sensor_msgs/msg/Image`` that references the pixels. Serialising it copies them.
 
     Args:
         pixels: (H, W) or (H, W, C) array; uint8 for the 8-bit encodings.
         encoding: ROS 2 image encoding, such as ``rgb8``.
         frame_id: frame of the header.
-        at_ns: acquisition time, ns since the epoch; None takes the time of the call.
+        at_ns: acquisition time, ns since the epoch; None for the time of the call.
 
     Raises:
         MessageError: the shape does not fit the encoding.
@@ -98,10 +98,11 @@ def image(pixels: Any, encoding: str = "rgb8", *, frame_id: str = "", at_ns: int
 
 
 def pixels(image_message: Any) -> Any:
-    """The pixels of an Image as an array of shape (H, W) or (H, W, C), without a copy.
+    """View the pixels of an Image as an array of shape (H, W) or (H, W, C).
 
     Raises:
-        MessageError: the encoding has no array form here, or the data is shorter than it says.
+        MessageError: the encoding is not supported, or the data is shorter than width, height and step
+        require.
     """
     wide = {"mono16": np.uint16, "16UC1": np.uint16, "32FC1": np.float32}
     height, width, step = image_message.height, image_message.width, image_message.step

@@ -1,4 +1,4 @@
-"""Definitions of the ROS 2 services that nodes offer, which the message store does not have."""
+"""Definitions of the ROS 2 services that nodes offer and the message store lacks."""
 
 from __future__ import annotations
 
@@ -40,11 +40,12 @@ _MESSAGES: dict[str, str] = {}
 
 
 def define(services: Mapping[str, tuple[str, str]], messages: Mapping[str, str]) -> None:
-    """Add types that the message store does not have, for a plugin.
+    """Add types that the message store lacks, for a plugin.
 
     Args:
-        services: request and response by type; those of actions are ``pkg/action/Name_SendGoal`` and so on.
-        messages: fields by type, one ``type name`` a line, without constants.
+        services: request and response by type. Those of actions are called ``pkg/action/Name_SendGoal`` and
+        so on.
+        messages: fields by type, one ``type name`` per line, without constants.
     """
     from joshua.messages.typestore import forget_services
 
@@ -54,7 +55,7 @@ def define(services: Mapping[str, tuple[str, str]], messages: Mapping[str, str])
 
 
 def service_definitions() -> tuple[dict[str, Any], dict[str, Any]]:
-    """Field definitions of all requests and responses, and those that only the hashes of services need."""
+    """Field definitions of all requests and responses, and those needed only to hash services."""
     from rosbags.interfaces import Nodetype
 
     def name(full: str) -> Any:

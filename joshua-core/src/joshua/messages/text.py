@@ -1,4 +1,4 @@
-"""Messages as text that reads as YAML, for people."""
+"""Messages as YAML text, for people."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ import numpy as np
 from joshua.messages.fields import PLACEHOLDER, Field, fields
 
 SHOWN_VALUES = 12
-"""Numbers of an array that are shown when it is shortened."""
+"""Number of values shown of a shortened array."""
 
 _PLAIN = re.compile(r"^[A-Za-zÀ-ɏ_/.][\wÀ-ɏ /.+-]*(?<! )$")
 _RESERVED = {"true", "false", "null", "yes", "no", "on", "off", "y", "n", "~"}
 
 
 def message_text(message: Any, *, full: bool = False) -> str:
-    """A message as block YAML, one field a line.
+    """Format a message as block YAML, one field per line.
 
     Args:
         message: object of a message class.
-        full: show every value of long arrays; else the first ones and the count.
+        full: show every value of a long array instead of the first ones and the count.
     """
     lines = list(_lines(message, "", full))
     return "\n".join(lines) + "\n" if lines else "{}\n"
@@ -78,7 +78,7 @@ def _scalar(base: str, value: Any) -> str:
         number = float(value)
         if not math.isfinite(number):
             return ".nan" if math.isnan(number) else ".inf" if number > 0 else "-.inf"
-        # the shortest text that reads back as the same number of its own width
+        # the shortest text that parses to the same number of that width
         return str(np.float32(value)) if base == "float32" else repr(number)
     return str(int(value))
 
@@ -87,5 +87,5 @@ def _string(text: str) -> str:
     if _PLAIN.match(text) and text.lower() not in _RESERVED:
         return text
     quoted = json.dumps(text, ensure_ascii=False)
-    # the text may come from a network: nothing in it commands the terminal or turns a line round
+    # the text may come from a network: escape terminal controls and bidirectional characters
     return "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in quoted)

@@ -1,4 +1,4 @@
-"""Type names, and the message definitions of the ROS 2 distribution in force, loaded on first use."""
+"""Type names, and the message definitions of the selected ROS 2 distribution, loaded on first use."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from joshua.messages.cdr_store import CdrStore
 
 HASH_UNSUPPORTED = "TypeHashNotSupported"
-"""What Humble's middleware writes in place of a type hash."""
+"""Written by Humble's middleware in place of a type hash."""
 
 _ROS = re.compile(r"^([a-z][a-z0-9_]*)/(?:(msg|srv|action)/)?([A-Z][A-Za-z0-9_]*)$")
 _DDS = re.compile(r"^([a-z][a-z0-9_]*)::(msg|srv|action)::dds_::([A-Z][A-Za-z0-9_]*)_$")
@@ -20,7 +20,7 @@ _selected = ""
 
 
 class MessageError(ValueError):
-    """A type is unknown, a message has a field that does not fit, or a payload is malformed."""
+    """A type is unknown, a field of a message is invalid, or a payload is malformed."""
 
 
 def ros_type_name(name: str) -> str:
@@ -49,14 +49,14 @@ def dds_type_name(name: str) -> str:
 
 
 def shown_type_name(wire_name: str) -> str:
-    """The ROS 2 form of any DDS type name, for lists; services and actions included."""
+    """The ROS 2 form of any DDS type name, including services and actions, for lists."""
     return wire_name.replace("::dds_::", "/").replace("::", "/").removesuffix("_")
 
 
 def distro() -> str:
-    """ROS 2 distribution whose definitions hold in this process.
+    """The ROS 2 distribution whose definitions this process uses.
 
-    It is ``ROS_DISTRO`` as it stood at the first use, else ``jazzy``; ``select_distro`` overrides it.
+    The value of ``ROS_DISTRO`` at the first use, else ``jazzy``. ``select_distro`` overrides it.
     """
     if not _selected:
         select_distro(os.environ.get("ROS_DISTRO", ""))
@@ -64,15 +64,15 @@ def distro() -> str:
 
 
 def select_distro(name: str) -> None:
-    """Set the distribution of this process; messages made before belong to the former one."""
+    """Set the distribution of this process. Existing messages belong to the previous one."""
     global _selected
     _selected = name.strip().lower() or "jazzy"
 
 
-@cache  # services are added to what is loaded
+@cache  # services are added to the loaded types
 def _load(humble: bool, octets: tuple[str, ...] = ()) -> CdrStore:
     """Load definitions in which the fields of the types ``octets`` are uint8."""
-    # rosbags and numpy cost about 0.1 s, so that nothing imports them before a message is needed
+    # rosbags and numpy take about 0.1 s to import, so they are imported when a message is needed
     from joshua.messages.cdr_store import CdrStore
 
     store = CdrStore("ros2_humble" if humble else "ros2_jazzy")
@@ -89,20 +89,20 @@ def _load(humble: bool, octets: tuple[str, ...] = ()) -> CdrStore:
 
 
 def definitions(humble: bool | None = None) -> CdrStore:
-    """The definitions as ROS 2 writes them: those in force, or Humble's or Jazzy's.
+    """The definitions as ROS 2 writes them: Humble's, Jazzy's or those of the selected distribution.
 
-    Those of every later distribution agree with Jazzy's for all types of the DataType enum.
+    Every later distribution agrees with Jazzy for all types of the DataType enum.
     """
     return _load(distro() == "humble" if humble is None else humble)
 
 
 def typestore() -> CdrStore:
-    """The definitions in force for encoding: ``byte`` and ``char`` are unsigned octets."""
+    """The selected definitions for encoding: ``byte`` and ``char`` are unsigned octets."""
     return _load(distro() == "humble", ("byte", "char"))
 
 
 def known_types() -> list[str]:
-    """All message type names of the distribution in force, sorted."""
+    """All message type names of the selected distribution, sorted."""
     return sorted(name for name in typestore().fielddefs if "/msg/" in name)
 
 
@@ -110,7 +110,7 @@ def require_type(name: str) -> str:
     """Normalise a type name and check that its definition is known.
 
     Raises:
-        MessageError: the name is malformed or unknown; the nearest names stand in the message.
+        MessageError: the name is malformed or unknown. The message lists the nearest names.
     """
     full = ros_type_name(name)
     if "/msg/" not in full:
@@ -135,14 +135,14 @@ def _add_services(humble: bool) -> None:
 
 
 def forget_services() -> None:
-    """Load services anew at their next use: there are further ones."""
+    """Reload the services at their next use, because some were added."""
     _add_services.cache_clear()
 
 
 def message_class(type_name: str) -> Any:
     """The class of a message type: a dataclass whose fields are those of the ROS 2 definition.
 
-    Its constructor takes them in order or by name; what is left out takes the zero of its type.
+    Its constructor takes them by position or name. Missing fields get the zero of their type.
 
     Raises:
         MessageError: the type is unknown.
@@ -162,12 +162,12 @@ def _class(type_name: str, _distro: str) -> Any:
 
 @lru_cache(maxsize=512)
 def _hash(full_name: str) -> str:
-    # ROS 2 describes char as uint8 (type id 3), as rosidl's IDL maps it; rosbags gives it an id of its own.
+    # ROS 2 describes char as uint8 (type id 3), as rosidl's IDL maps it. rosbags gives it a separate id.
     return _load(False, ("char",)).hash_rihs01(full_name)
 
 
 def type_hash(type_name: str) -> str:
-    """RIHS01 hash of a type, or ``TypeHashNotSupported`` for Humble, whose wire carries none.
+    """RIHS01 hash of a type, or ``TypeHashNotSupported`` for Humble, which does not send one.
 
     Raises:
         MessageError: the type is unknown.

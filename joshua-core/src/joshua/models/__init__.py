@@ -1,1 +1,1 @@
-"""Models: what one is, what it observes, and what a chunk continues."""
+"""Models: the base class, their observations, and requests to continue a chunk."""

@@ -28,7 +28,7 @@ class JointSpace:
 
 @dataclass(frozen=True)
 class Observation(Frame):
-    """What a model sees: the newest value of each feature; ``stamp_ns`` is that of the newest part.
+    """The input of a model: the newest value of each feature. ``stamp_ns`` is the newest of their stamps.
 
     Attributes:
         task: instruction in natural language; "" if none.
@@ -39,14 +39,14 @@ class Observation(Frame):
 
 @dataclass(frozen=True)
 class ChunkRequest:
-    """What a new chunk continues, for real-time chunking (Black, Galliker, Levine 2025).
+    """The previous chunk that a new one continues, for real-time chunking (Black, Galliker, Levine 2025).
 
     Step k is the k-th period after the observation, as in the chunk that the model returns.
 
     Attributes:
-        planned: actions of the chunk before at steps 0…P-1, radians, shape (P, N); P ≥ ``delay``.
-        delay: steps that are carried out as planned, because the new chunk arrives after them.
-        overlap: steps of ``planned`` that guide the new chunk, the fixed ones included; at most P.
+        planned: actions of the previous chunk at steps 0…P-1, radians, shape (P, N); P ≥ ``delay``.
+        delay: steps that are executed as planned, because the new chunk arrives after them.
+        overlap: steps of ``planned`` that guide the new chunk, including the fixed ones; at most P.
         max_guidance_weight: of a denoising step; schedule: ``exp``, ``linear``, ``ones`` or ``zeros``.
     """
 
@@ -57,7 +57,7 @@ class ChunkRequest:
     schedule: str = "exp"
 
     def weights(self, steps: int) -> FloatArray:
-        """How strongly each of so many steps of the new chunk follows ``planned``: the paper's soft mask."""
+        """The weight with which each step of the new chunk follows ``planned``: the paper's soft mask."""
         at, end = np.arange(steps), min(self.overlap, steps)
         start = min(self.delay, end)
         falling = np.clip((end - at) / (end - start + 1), 0.0, 1.0)
@@ -72,8 +72,8 @@ class Model(ABC):
 
     Args:
         settings: made from the block of the file.
-        joints: that it commands.
-        features: what each observation holds: joints in radians, pictures as (H, W, 3) uint8, RGB.
+        joints: the joints that it commands.
+        features: of each observation: joints in radians, pictures as (H, W, 3) uint8, RGB.
     """
 
     def __init__(self, settings: Any, joints: JointSpace, features: FeatureSet | None = None) -> None:
@@ -83,33 +83,33 @@ class Model(ABC):
 
     @abstractmethod
     def load(self) -> None:
-        """Loads the weights. Raises DeviceError-like ``ModelError`` with a remedy."""
+        """Loads the weights. Raises ``ModelError`` with a remedy."""
 
     @abstractmethod
     def reset(self) -> None:
-        """Forgets the episode so far."""
+        """Starts a new episode: discards all internal state."""
 
     @abstractmethod
     def act(self, observation: Observation) -> FloatArray:
         """Returns the next actions in radians, shape (T, N): T ≥ 1 steps of the publisher's period.
 
-        The first is that of the time of the observation, ``observation.stamp_ns``.
+        The first belongs to the time of the observation, ``observation.stamp_ns``.
         """
 
     def continue_chunk(self, observation: Observation, request: ChunkRequest) -> FloatArray:
-        """Returns actions as ``act`` does that continue a chunk, if the needs say ``supports_rtc``."""
+        """Returns actions like ``act`` that continue a chunk. Requires ``supports_rtc`` in the needs."""
         raise NotImplementedError(f"{type(self).__name__} has no continue_chunk")
 
     def needs(self) -> ModelNeeds:
-        """What the model needs and can do, once it is loaded; what its settings know, unless overridden."""
+        """Requirements and abilities of the loaded model. By default, those that its settings know."""
         return self.settings.needs() if isinstance(self.settings, ModelSettings) else ModelNeeds()
 
     @abstractmethod
     def close(self) -> None:
-        """Frees the model; a second call does nothing."""
+        """Frees the model. Idempotent."""
 
 
 class ModelError(Exception):
-    """A model cannot be loaded or run; the message names the model and the remedy, and reaches the user."""
+    """A model cannot be loaded or run. The message names the model and the remedy, for the user."""
 
     exit_code = 1

@@ -1,4 +1,4 @@
-"""The operation modes: one file and one ``ModeSpec`` each; a plugin can bring further ones."""
+"""The operation modes: one file and one ``ModeSpec`` each. Plugins can add more."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _MODULES = ("teleoperate", "inference", "training", "test", "data_store", "simul
 
 
 def mode_of(config: pb.Config, registry: Registry | None = None) -> ModeSpec:
-    """The mode of a file, with what the file's own choices change of it.
+    """Return the mode of a file, adapted to the file's choices.
 
-    An unset mode and one whose plugin is not there start every device; ``check_mode`` names the latter, and
-    nothing is said of what that plugin would waive.
+    An unset mode, or one whose plugin is missing, starts every device. ``check_mode`` reports the missing
+    plugin, and checks that the plugin might waive are skipped.
     """
     spec = _find(config, registry)
     if isinstance(spec, ModeSpec):
@@ -37,7 +37,7 @@ def mode_of(config: pb.Config, registry: Registry | None = None) -> ModeSpec:
 
 
 def _find(config: pb.Config, registry: Registry | None) -> ModeSpec | str | None:
-    """The mode as its author wrote it; why its plugin cannot bring it; None where no plugin does."""
+    """Return the mode as declared, or why its plugin cannot provide it, or None if no plugin does."""
     name = mode_name(config)
     module = name.removeprefix("MODE_").lower()
     if module in _MODULES and config.general.mode != pb.MODE_PLUGIN:
@@ -58,12 +58,12 @@ def _find(config: pb.Config, registry: Registry | None) -> ModeSpec | str | None
 def check_mode(
     loaded: LoadedConfig, registry: Registry | None = None, *, launch: bool = False
 ) -> list[Diagnostic]:
-    """Check that the file holds what its operation mode needs; a file without a mode has no findings here.
+    """Check that a file contains what its operation mode needs. Without a mode, there are no findings.
 
     Args:
-        loaded: what ``joshua.config.load`` returned, be it complete or not.
-        registry: the installed plugins, which may bring the mode.
-        launch: nodes are going to be started, so that a mode whose plugin is missing is an error.
+        loaded: the result of ``joshua.config.load``, complete or not.
+        registry: the installed plugins, which may provide the mode.
+        launch: nodes will be started, so a mode whose plugin is missing is an error.
     """
     context = Context(loaded, launch=launch)
     findings = [*_plugin_fields(context)]
@@ -83,7 +83,7 @@ def check_mode(
 
 
 def _plugin_fields(context: Context) -> Iterator[Diagnostic]:
-    """MODE_PLUGIN and the fields that belong to it go together."""
+    """Check MODE_PLUGIN and the fields that belong to it."""
     general = context.config.general
     if general.mode == pb.MODE_PLUGIN and not general.plugin_mode:
         yield context.error(
@@ -91,7 +91,7 @@ def _plugin_fields(context: Context) -> Iterator[Diagnostic]:
             "MODE_PLUGIN requires general.plugin_mode, the name of the mode",
             "general.plugin_mode",
             position=mode_position(context),
-            remedy='Add plugin_mode: "..." to general; `joshua plugins` lists the modes that plugins bring',
+            remedy='Add plugin_mode: "..." to general; `joshua plugins` lists the modes of plugins',
         )
     elif general.mode and general.mode != pb.MODE_PLUGIN:
         for name in ("plugin_mode", "plugin_config"):
@@ -108,7 +108,11 @@ def _without_plugin(context: Context, registry: Registry, reason: str | None) ->
     known = [offer.name for offer in registry.modes().values() if offer.name] if own else []
     near = nearest(name, known)
     if reason is not None:
-        code, message, remedy = "broken-plugin", f"{name}: {reason}", "See what `joshua plugins --check` says"
+        code, message, remedy = (
+            "broken-plugin",
+            f"{name}: {reason}",
+            "Run `joshua plugins --check` for details",
+        )
     else:
         code, message = "plugin-missing", registry.missing(path, ModeOffer, "", name)
         remedy = f"Did you mean {near[0]}?" if near else registry.remedy(ModeOffer, "", name)

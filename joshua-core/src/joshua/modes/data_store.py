@@ -16,9 +16,9 @@ _STORE = "ai.data_store"
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Ask for the store and for what its operation works on."""
+    """Require the store and what its operation works on."""
     if not context.config.ai.HasField("data_store"):
-        what = "the block ai.data_store, which says where episodes are kept"
+        what = "the block ai.data_store, which says where episodes are stored"
         remedy = (
             "Add ai { data_store { format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL "
             "dataset_name: ... local_path: ... } }"
@@ -38,7 +38,7 @@ def _record(context: Context, store: pb.DataStore) -> Iterator[Diagnostic]:
     if store.storage == pb.STORAGE_LOCAL and not store.local_path:
         yield _lacks_path(context, "Recording to this machine")
     if not any(item.is_publisher for item in context.graph.usable):
-        what = "topics to record, and no node of this file publishes any"
+        what = "topics to record, but no node of this file publishes any"
         remedy = "Add the robot's actuators and cameras with their publishers"
         yield lacks(context, "mode-lacks-publisher", what, "robot", remedy=remedy)
 
@@ -47,7 +47,7 @@ def _upload(context: Context, store: pb.DataStore) -> Iterator[Diagnostic]:
     if not store.local_path:
         yield _lacks_path(context, "An upload")
     if not store.remote_url:
-        message = "An upload needs remote_url, the address that the data set is sent to"
+        message = "An upload needs remote_url, the destination of the data set"
         remedy = 'Add remote_url: "hf://datasets/my-name/my-data"'
         yield context.error("mode-lacks-field", message, f"{_STORE}.remote_url", remedy=remedy)
 
@@ -68,10 +68,10 @@ def _lacks_path(context: Context, what: str) -> Diagnostic:
 
 
 def _for_file(spec: ModeSpec, config: pb.Config) -> ModeSpec:
-    """An upload needs neither a robot nor a simulated one."""
+    """An upload needs no robot, real or simulated."""
     if config.ai.data_store.operation != pb.DATA_STORE_UPLOAD:
         return spec
-    service = replace(DATA_STORE.needed(), restart="stop-run")  # it was patient already
+    service = replace(DATA_STORE.needed(), restart="stop-run")
     return replace(spec, devices=False, services=(service,), blocks=("simulation",), idle="an upload")
 
 

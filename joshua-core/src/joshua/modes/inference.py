@@ -22,7 +22,7 @@ _MOST_NAMES = 50
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Follow the road from observations through each model to an actuator."""
+    """Check the path from observations through each model to an actuator."""
     if not context.graph.models:
         yield lacks(
             context, "mode-lacks-model", "a model that drives the robot", "ai.models", allowed=_model_types()
@@ -53,7 +53,7 @@ def _model_types() -> tuple[str, ...]:
 
 
 def _commands(context: Context) -> Iterator[Diagnostic]:
-    """Actuators that have no commander, unless that follows from a model that drives nothing."""
+    """Report actuators without a commander, unless the cause is a model that drives nothing."""
     sources = context.graph.command_sources
     driving = [topic for topic, group in sources.items() if any(item.entry.is_model for item in group)]
     heard = [item for entry in context.graph.actuators for item in context.graph.commands(entry)]

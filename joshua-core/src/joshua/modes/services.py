@@ -13,7 +13,7 @@ from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2, data_types
 from joshua.schema import simulation_pb2 as sim
 
-#: The process in which one physics stands for any number of devices.
+#: The process in which one physics simulates any number of devices.
 PHYSICS_GROUP = "simulation"
 
 
@@ -55,7 +55,7 @@ DATA_STORE = ServiceSpec(
 
 
 def _trainer(config: pb.Config) -> str:
-    """A reinforcement learner is chosen by its simulator, every other trainer by its method."""
+    """The simulator selects a reinforcement learner, the method every other trainer."""
     training = config.ai.training
     if training.method == pb.METHOD_RL and training.simulator_backend:
         return value_name(pb.SimulatorBackend, training.simulator_backend)
@@ -79,7 +79,7 @@ TRAINING = ServiceSpec(
 
 
 def _simulation(config: pb.Config) -> Any | None:
-    """The block as far as the mode uses it: only MODE_SIMULATION makes episodes by itself."""
+    """The part of the block that the mode uses. Only MODE_SIMULATION generates episodes by itself."""
     if not config.HasField("simulation"):
         return None
     block = config.simulation
@@ -92,7 +92,7 @@ def _simulation(config: pb.Config) -> Any | None:
 
 
 def _mirrored(graph: RobotGraph, config: pb.Config) -> Iterator[ServiceTopic]:
-    """A mirror follows the topics of its mappings, with the quality of service of those who publish them."""
+    """A mirror follows the topics of its mappings, with the quality of service of their publishers."""
     if config.simulation.mode != sim.MIRROR:
         return
     names = (mapping.ros_topic for mapping in config.simulation.mirror_topic_mappings)
@@ -108,6 +108,6 @@ SIMULATION = ServiceSpec(
     is_chosen=lambda config: bool(config.simulation.mode),
     topics=_mirrored,
     process_group=PHYSICS_GROUP,
-    # a physics that starts anew is another one: whatever was done in it is gone
+    # a restarted physics begins from scratch and loses the state of the run
     restart="stop-run",
 )

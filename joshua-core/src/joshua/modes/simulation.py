@@ -21,7 +21,7 @@ _MAPPINGS = "simulation.mirror_topic_mappings"
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Ask for the simulation block and what its own mode needs."""
+    """Require the simulation block and what its mode needs."""
     simulation = context.config.simulation
     if not context.config.HasField("simulation"):
         what = "the block simulation, which names the model and how it is shown"
@@ -32,7 +32,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
     if simulation.mode == sim.PASSIVE and not stored and not simulation.trajectory_path:
         yield context.error(
             "mode-lacks-block",
-            "PASSIVE replays a recording, and neither simulation.trajectory_path nor ai.data_store names one",
+            "PASSIVE replays a recording, but neither simulation.trajectory_path nor ai.data_store names one",
             "ai.data_store",
             position=context.position("simulation.mode"),
             remedy='Add trajectory_path: "recordings/wave.csv" to simulation, '
@@ -40,11 +40,11 @@ def check(context: Context) -> Iterator[Diagnostic]:
         )
     recording = simulation.trajectory_path or context.config.ai.data_store.local_path
     if simulation.mode == sim.PASSIVE and stored and not recording:
-        message = "PASSIVE replays the data set of ai.data_store, which has no local_path"
+        message = "PASSIVE replays the data set of ai.data_store, but that has no local_path"
         remedy = 'Add local_path: "datasets/my_data"'
         yield context.error("mode-lacks-field", message, "ai.data_store.local_path", remedy=remedy)
     if simulation.HasField("generate") and not context.config.ai.data_store.local_path:
-        message = "generate makes episodes, and no ai.data_store with a local_path says where they are kept"
+        message = "generate makes episodes, but no ai.data_store with a local_path says where to store them"
         remedy = (
             "Add ai { data_store { format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL "
             'dataset_name: ... local_path: "datasets/mine" task: ... } }'
@@ -62,7 +62,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
         yield from _mirror(context, simulation)
     elif simulation.mirror_topic_mappings and simulation.mode in sim.SimulationMode.values()[1:]:
         message = (
-            f"mirror_topic_mappings have an effect only with mode: MIRROR, and the mode is "
+            f"mirror_topic_mappings have an effect only with mode: MIRROR, but the mode is "
             f"{sim.SimulationMode.Name(simulation.mode)}"
         )
         remedy = "Remove them, or set mode: MIRROR in simulation"
@@ -96,7 +96,7 @@ def _mirror(context: Context, simulation: sim.SimulationConfig) -> Iterator[Diag
 def _topic(
     context: Context, path: str, topic: str, published: dict[str, int], noted: set[str]
 ) -> Iterator[Diagnostic]:
-    """A mirror may follow a robot of another file, so a topic from elsewhere is only worth one note."""
+    """A mirror may follow a robot of another file, so a topic without a publisher is only a note."""
     if not topic or topic_fault(topic) is not None:
         return
     name = topic if topic.startswith("/") else f"/{topic}"
@@ -119,7 +119,7 @@ def _topic(
 
 
 def _for_file(spec: ModeSpec, config: pb.Config) -> ModeSpec:
-    """A mirror has a name of its own: the robot that it follows may be a simulation in the same domain."""
+    """A mirror has a separate name, because it may follow a simulation in the same domain."""
     if config.simulation.mode != sim.MIRROR:
         return spec
     return replace(spec, services=(DATA_STORE, replace(SIMULATION.needed(), node_name="twin")))

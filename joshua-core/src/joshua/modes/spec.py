@@ -1,4 +1,4 @@
-"""What an operation mode is: one frozen ``ModeSpec``, in one file for each mode."""
+"""The declaration of an operation mode: one frozen ``ModeSpec``, in one file per mode."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ class ServiceSpec:
     """A service that a mode runs beside the devices.
 
     Attributes:
-        path: field path of the block that asks for it, such as ``ai.data_store``; its last part names the
+        path: field path of the block that requests it, such as ``ai.data_store``. The last part names the
             node.
-        block: that block as far as the mode uses it; None where the file asks for no such service, and for a
-            service with a ``behaviour`` where there are no settings.
-        kind: of the plugin that runs it, and ``value``: the enum value by which that plugin is chosen.
-        is_chosen: whether the file says which plugin is meant; where it does not, a check says so.
+        block: the part of that block that the mode uses. None if the file does not request the service, or
+            for a service with a ``behaviour`` and no settings.
+        kind: of the plugin that runs it; ``value``: the enum value that selects that plugin.
+        is_chosen: whether the file selects a plugin. If not, a check reports that.
         node_name: of its node; "" takes the last part of the path.
-        behaviour: import string of the node behaviour of a service that the mode brings itself and no other
-            plugin runs; settings: of the settings model that is made from the block.
-        required: the mode does not work without its plugin.
+        behaviour: import string of the node behaviour, for a service that the mode itself provides; settings:
+            import string of the settings model for the block.
+        required: the mode does not work without the plugin.
         topics: what it publishes and subscribes to, from the graph of the nodes.
-        process_group: nodes of one group share a process; restart: ``on-failure``, ``never`` or ``stop-run``.
+        process_group: nodes of a group share a process; restart: ``on-failure``, ``never`` or ``stop-run``.
     """
 
     path: str
@@ -47,16 +47,16 @@ class ServiceSpec:
 
     @property
     def block_name(self) -> str:
-        """Name of the block that asks for it."""
+        """Name of the block that requests it."""
         return self.path.rpartition(".")[2]
 
     @property
     def name(self) -> str:
-        """Name of its node: unless given, that of its block."""
+        """Name of its node, by default that of its block."""
         return self.node_name or self.block_name
 
     def needed(self) -> ServiceSpec:
-        """The same service in a mode that does not work without it."""
+        """Return the same service, required by its mode."""
         return replace(self, required=True)
 
 
@@ -65,19 +65,20 @@ class ModeSpec:
     """One operation mode.
 
     Attributes:
-        name: value of ``OperationMode``, such as ``MODE_TEST``, or what ``general.plugin_mode`` calls it.
-        check: finds what the mode misses in a file.
+        name: value of ``OperationMode``, such as ``MODE_TEST``, or the name in ``general.plugin_mode``.
+        check: finds what a file lacks for the mode.
         devices: it starts actuators and sensors; models: it starts the nodes of ``ai.models``.
-        services: what runs beside them.
+        services: those that run beside them.
         blocks: further blocks of the file that have an effect in it, such as ``test``.
-        for_file: what the file's own choices change of this spec.
-        duration_s: length after which the run ends by itself; None: it runs until it is stopped or done.
-        run: import string of what runs the mode in place of nodes: called with the checked file, the command
-            line's options and the emulated devices or None, it returns the exit code; "" for a run of nodes.
+        for_file: adapts this spec to the file's choices.
+        duration_s: the run ends after this time; None: it runs until it is stopped or done.
+        run: import string of a function that runs the mode in place of nodes. Its arguments are the checked
+            file, the command line's options, and the emulated devices or None. It returns the exit code. ""
+            for a run of nodes.
         verdict: the run ends with a pass/fail table of what each node measured.
         works_uncalibrated: actuators may move within their position limits without a calibration.
-        recalibrates: it makes the robot's calibration anew; the present one is neither loaded nor checked.
-        idle: what starts no device, for a note that says so, such as "an upload".
+        recalibrates: it makes a new calibration of the robot. The existing one is neither loaded nor checked.
+        idle: name of an activity that starts no device, such as "an upload", for a note.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""MODE_TELEOPERATE: a person drives, so there is something to drive with and something that follows."""
+"""MODE_TELEOPERATE: a person drives a robot with a leader or an input device."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from joshua.plan.graph import Endpoint, NodeEntry
 from joshua.schema import config_pb2 as pb
 from joshua.textproto.nearest import nearest_first
 
-# More suggestions are not read, and no follower has more leaders.
+# Upper limit of suggestions and of a follower's leaders.
 _MOST_LEADERS = 50
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Pair every follower with what drives it."""
+    """Pair every follower with its leader."""
     sources = leaders(context)
     driven = [entry for entry in context.graph.actuators if not entry.leads]
     followed = {entry.path for entry in driven}
@@ -58,7 +58,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
 
 
 def leaders(context: Context) -> dict[str, list[Endpoint]]:
-    """What can command an actuator in this mode, by topic; models do not run in it."""
+    """Possible commanders of an actuator in this mode, by topic. Models do not run in it."""
     sources = context.graph.command_sources.items()
     found = {topic: [item for item in group if not item.entry.is_model] for topic, group in sources}
     return {topic: group for topic, group in found.items() if group}
@@ -67,7 +67,7 @@ def leaders(context: Context) -> dict[str, list[Endpoint]]:
 def _no_leader(context: Context) -> Iterator[Diagnostic]:
     silent = next((entry for entry in context.graph.actuators if entry.leads), None)
     if silent is not None:
-        if not any(map(unfit_for, context.graph.of_entry(silent))):  # else its wrong type is reported
+        if not any(map(unfit_for, context.graph.of_entry(silent))):  # otherwise its wrong type is reported
             yield lacks(
                 context,
                 "mode-lacks-publisher",
@@ -121,7 +121,7 @@ def _follower(
 def joint_counts(
     context: Context, entry: NodeEntry, sources: dict[str, list[Endpoint]]
 ) -> Iterator[Diagnostic]:
-    """A leader and its follower have as many joints, or one of them has joints without a partner."""
+    """Note a leader and follower with different numbers of joints."""
     mine = joint_count(entry)
     for item in context.graph.commands(entry):
         for source in (item for item in sources.get(item.topic, ())[:_MOST_LEADERS] if item.entry.leads):

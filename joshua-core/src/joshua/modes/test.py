@@ -1,4 +1,4 @@
-"""MODE_TEST: something to test, followers that fit their leaders, and the pass/fail table at the end."""
+"""MODE_TEST: at least one device, followers that match their leaders, and the pass/fail table at the end."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RAN = "runs to the end"
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Ask for at least one device or model."""
+    """Require at least one device or model."""
     if not context.graph.entries:
         yield lacks(context, "mode-lacks-device", "at least one device to test", "robot")
     sources = leaders(context)
@@ -30,10 +30,10 @@ def check(context: Context) -> Iterator[Diagnostic]:
 
 
 def verdict(plan: Plan, report: RunReport) -> list[tuple[str, CheckResult]]:
-    """Judge a test run.
+    """Evaluate a test run.
 
     Returns:
-        Pairs of node name and check, in the order of the plan: first whether the node ran to the end,
+        Pairs of node name and check, in the order of the plan. first whether the node ran to the end,
         then what the node measured itself.
     """
     from joshua.plan import CheckResult
@@ -60,7 +60,7 @@ def _ran(node: NodeReport, report: RunReport) -> CheckResult:
 
 
 def passed(rows: list[tuple[str, CheckResult]]) -> bool:
-    """Whether every check passed; a test without a single check has not passed."""
+    """Whether every check passed. A test without a check has not passed."""
     return bool(rows) and all(check.passed for _, check in rows)
 
 

@@ -1,4 +1,4 @@
-"""MODE_TRAINING: a training block, its data set, and a robot where training happens on one."""
+"""MODE_TRAINING: a training block, its data set, and a robot if training uses one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from joshua.schema import config_pb2 as pb
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Ask for what the chosen method and environment need."""
+    """Require what the chosen method and environment need."""
     ai = context.config.ai
     if not ai.HasField("training"):
         what = "the block ai.training, which says what is trained and how"
@@ -39,19 +39,19 @@ def check(context: Context) -> Iterator[Diagnostic]:
         ai.training.environment == pb.ENV_REAL or ai.training.method == pb.METHOD_IMITATION
     ):
         path = "ai.training.environment_id"
-        message = "environment_id has no effect here: environments are simulated, and a data set needs none"
+        message = "environment_id has no effect here: it applies to simulated environments, not to data sets"
         remedy = "Remove it, or set environment: ENV_SIMULATION with METHOD_RL or METHOD_EVAL"
         yield context.note("block-unused", message, path, remedy=remedy)
 
 
 def _data_set(context: Context) -> Iterator[Diagnostic]:
-    """A data store beside imitation learning is where the data set is looked for."""
+    """With imitation learning, the data store locates the data set."""
     ai = context.config.ai
     wanted, stored = ai.training.imitation_config.dataset_name, ai.data_store.dataset_name
     if ai.training.method != pb.METHOD_IMITATION or not wanted or not stored or wanted == stored:
         return
     path = "ai.training.imitation_config.dataset_name"
-    message = f"The data store beside the training holds {stored}, not {wanted}"
+    message = f"The data store of the training contains {stored}, not {wanted}"
     related = context.see("ai.data_store.dataset_name", "data set of the store")
     yield context.error("dataset-mismatch", message, path, allowed=(f'"{stored}"',), related=related)
 

@@ -1,4 +1,4 @@
-"""The behaviour interface: what runs inside a node."""
+"""The behaviour interface: the code that runs inside a node."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from joshua.plan import JointTrace, ServiceFacts
 
 
 class NodeBehaviour(ABC):
-    """One node's work, by the lifecycle of ROS 2 managed nodes.
+    """The work of one node, in the lifecycle of ROS 2 managed nodes.
 
     Order: ``configure`` (open the device, declare topics) → ``activate`` (start moving and publishing)
     → ``deactivate`` (stop moving, safe state) → ``cleanup`` (close the device). No node of a run is
@@ -25,7 +25,7 @@ class NodeBehaviour(ABC):
 
     @abstractmethod
     def configure(self) -> None:
-        """Opens the device and declares topics; nothing moves yet."""
+        """Opens the device and declares topics, without motion."""
 
     def activate(self) -> None:
         """Starts moving and publishing."""
@@ -37,7 +37,7 @@ class NodeBehaviour(ABC):
         """Closes the device."""
 
     def verb_providers(self) -> tuple[object, ...]:
-        """The objects whose methods may be verbs of the node; a behaviour adds the driver that it has."""
+        """The objects whose methods may be verbs of the node: the behaviour and its driver, if any."""
         return (self,)
 
     def test_results(self) -> list[tuple[str, bool, str]]:
@@ -48,15 +48,15 @@ class NodeBehaviour(ABC):
         return []
 
     def test_traces(self) -> list[JointTrace]:
-        """How each joint moved during MODE_TEST, for the pictures; called after ``test_results``."""
+        """The motion of each joint during MODE_TEST, for the pictures. Called after ``test_results``."""
         return []
 
 
 class Service(NodeBehaviour):
-    """A node that works for the whole robot; its topics are those that the mode plans for it.
+    """A node that works for the whole robot. The mode plans its topics.
 
     Attributes:
-        facts: what the plan tells it of the robot.
+        facts: its part of the plan.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -69,8 +69,8 @@ class Store(Service):
 
 
 class Trainer(Service):
-    """Trains or evaluates a policy, and ends the run when that is done."""
+    """Trains or evaluates a policy, and ends the run when done."""
 
 
 class Simulator(Service):
-    """Stands for devices with the physics of a model."""
+    """Simulates devices with the physics of a model."""

@@ -1,4 +1,4 @@
-"""Rates of timers and topics: how well they are held, and the limit of a publisher."""
+"""Rates of timers and topics: how accurately they are met, and the limit of a publisher."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MAXIMUM_BITS = 42
 
 
 class DurationHistogram:
-    """Counts durations in logarithmic buckets, as HDR histograms do: each power of two has equal parts.
+    """Counts durations in logarithmic buckets, as HDR histograms do: each power of two is divided equally.
 
     Attributes:
         count: durations so far; maximum_ns: the longest one, exactly, 0 for none.
@@ -39,7 +39,7 @@ class DurationHistogram:
         self._counts[min(index, len(self._counts) - 1)] += 1
 
     def quantile_ns(self, fraction: float) -> int:
-        """The duration that ``fraction`` (0 to 1) of all do not exceed; 0 when there are none."""
+        """The duration that ``fraction`` (0 to 1) of all durations do not exceed; 0 if there are none."""
         wanted = fraction * self.count
         seen = 0
         for index, count in enumerate(self._counts):
@@ -95,11 +95,11 @@ class TimerCadence:
 
 
 class TrafficFigures:
-    """Figures of one endpoint: number and rate of its messages and, for a configured rate, the deviation.
+    """Figures of one endpoint: number and rate of its messages and their deviation from a configured rate.
 
     Args:
         topic: of the endpoint; is_publisher: its direction.
-        witness: knows when this process was held up, which is not the fault of what sends the messages.
+        witness: knows when this process was stalled, which is no fault of the sender.
 
     Attributes:
         count: messages so far.
@@ -130,12 +130,12 @@ class TrafficFigures:
         return rate_hz(self.count, self._last_ns - self._first_ns)
 
     def check(self, tolerance: float = 0.1) -> tuple[str, bool, str]:
-        """A row of MODE_TEST: whether the rate is the configured one, within a fraction of it."""
+        """A row of MODE_TEST: whether the rate is within a fraction of the configured one."""
         wanted_hz, least_hz, most_hz, remark = self.topic.rate_hz, self.rate_hz, self.rate_hz, ""
         elapsed_ns = self._last_ns - self._first_ns
         first_s, last_s = self._first_ns / NS_PER_S, self._last_ns / NS_PER_S
         held_ns = self._witness.missed_s(first_s, last_s) * NS_PER_S if self._witness else 0
-        if 0 < held_ns < elapsed_ns:  # nobody knows how many messages would have come
+        if 0 < held_ns < elapsed_ns:  # the number of missed messages is unknown
             most_hz *= elapsed_ns / (elapsed_ns - held_ns)
             remark = f", {most_hz:.4g} Hz excluding a {held_ns / NS_PER_S:.1f} s system stall"
         passed = least_hz <= wanted_hz * (1 + tolerance) and most_hz >= wanted_hz * (1 - tolerance)
@@ -163,10 +163,10 @@ def rate_hz(count: int, length_ns: int) -> float:
 
 
 class RateLimit:
-    """Thins a stream of stamped readings to a rate, without a beat between the two rates.
+    """Reduces a stream of stamped readings to a rate, without beating between the two rates.
 
-    A reading passes when it lies nearer to the next due time than the reading after it would, judged by
-    the distance of the last two; so a 30 Hz camera published at 30 Hz loses no frame to jitter.
+    A reading passes if it is nearer to the next due time than the following reading would be, estimated by
+    the distance of the last two. A 30 Hz camera published at 30 Hz therefore loses no frame to jitter.
 
     Args:
         rate_hz: largest rate of readings that pass, on average.
@@ -181,7 +181,7 @@ class RateLimit:
         """Whether the reading with this stamp is published."""
         distance_ns = stamp_ns - self._last_ns if self._last_ns is not None else 0
         self._last_ns = stamp_ns
-        if self._due_ns is None or distance_ns < 0:  # the first one, or a device that was opened again
+        if self._due_ns is None or distance_ns < 0:  # the first one, or a reopened device
             self._due_ns = stamp_ns + self._period_ns
             return True
         tolerance_ns = min(distance_ns, self._period_ns) / 2

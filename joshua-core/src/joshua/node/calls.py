@@ -1,4 +1,4 @@
-"""Calls that reach a node: checked on the control thread, served where the verb says."""
+"""Calls to a node: checked on the control thread, executed on the thread that the verb declares."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from joshua.ipc.messages import (
 from joshua.node.context import NodeContext
 from joshua.node.verbs import LOCAL, Caller, InvalidRequestError, RefusedError, Verb, allowed, verbs_of
 
-#: Largest reply; who has more to say publishes it on a topic.
+#: Largest reply. Publish larger data on a topic.
 REPLY_LIMIT_BYTES = 1024 * 1024
 
 
 @dataclass(frozen=True)
 class Job:
-    """One call that was found good, and waits to be served."""
+    """A valid call that waits for its execution."""
 
     call: Call
     verb: Verb
@@ -39,7 +39,7 @@ class Job:
 
     @property
     def over(self) -> bool:
-        """Whether nobody waits for it any more: it must not be served late."""
+        """Whether it has expired: it must not be executed late."""
         return time.monotonic_ns() > self.call.deadline_ns
 
 
@@ -48,7 +48,7 @@ class Calls:
 
     Args:
         context: of the node; send: takes messages for the supervisor.
-        wake: wakes the node's loop; describe: says a failure in one line.
+        wake: wakes the node's loop; describe: describes a failure in one line.
     """
 
     def __init__(
@@ -78,10 +78,10 @@ class Calls:
         active: bool,
         caller: Caller,
     ) -> CallReply:
-        """Call a verb for a caller outside the run and wait for the answer; any thread but the loop.
+        """Call a verb for a caller outside the run and wait for the answer, on any thread except the loop.
 
         Args:
-            verb, payload: what is called, with what; timeout_s: how long.
+            verb, payload: the call; timeout_s: for the reply.
             providers, active, caller: as for ``take``.
         """
         end_ns = time.monotonic_ns() + round(timeout_s * 1e9)
@@ -99,7 +99,7 @@ class Calls:
             del self._asked[call.id]
 
     def send(self, reply: CallReply) -> None:
-        """Pass an answer to whoever called."""
+        """Pass an answer to the caller."""
         answer = self._asked.get(reply.id)
         if answer is not None:
             answer.put(reply)
@@ -107,11 +107,11 @@ class Calls:
             self._send(reply)
 
     def take(self, call: Call, providers: Sequence[object], *, active: bool, caller: Caller = LOCAL) -> None:
-        """Answers a call, or puts it where its verb runs; control thread.
+        """Answers a call, or queues it for the thread of its verb. Control thread.
 
         Args:
-            providers: whose methods are the node's verbs.
-            active: whether the node's loop runs; caller: who asks.
+            providers: objects whose methods are the node's verbs.
+            active: whether the node's loop runs; caller: origin of the call.
         """
         try:
             verbs = verbs_of(providers)
@@ -137,7 +137,7 @@ class Calls:
             self._refuse(call, "failed", f"{self._name} failed: {type(error).__name__}: {error}")
 
     def next(self) -> Job | None:
-        """The next call for the node's loop; None where those that waited are over."""
+        """The next call for the node's loop; None if all have expired."""
         while self.waiting:
             job = self.waiting.popleft()
             if not job.over:
@@ -145,7 +145,7 @@ class Calls:
         return None
 
     def serve(self, job: Job) -> tuple[CallReply, BaseException | None]:
-        """Serves a call; returns the answer, and what the node must fail with, None while all is well."""
+        """Executes a call. Returns the answer, and the error that must fail the node, or None."""
         call, moves = job.call, job.verb.moves
         try:
             reply = self._reply(call, payload=job.serve(), moves=moves)
@@ -155,7 +155,7 @@ class Calls:
             text = f"{self._name} failed: {self._describe(error)}"
             if not moves:
                 self._context.log.error("%s: %s", call.verb, text, exc_info=True)
-            # where the verb moves, nobody knows what the device does: it stops
+            # after a failed verb that moves, the state of the device is unknown: it stops
             return self._refusal(call, "failed", text, moves=moves), error if moves else None
         problem = _unfit(reply)
         return (self._refusal(call, "failed", f"{self._name}: {problem}") if problem else reply), None
@@ -169,7 +169,7 @@ class Calls:
             self._refuse(job.call, "refused", text)
         else:
             self._beside = job.call.verb
-            # It may take as long as it needs: who calls has a timeout, and the loop is watched as ever.
+            # No time limit: the caller has a timeout, and the loop is watched as usual.
             self._context.spawn_thread(
                 lambda: self._serve_beside(job), name=job.call.verb, hang_after_s=math.inf
             )
@@ -197,7 +197,7 @@ class Calls:
 
 
 def _unfit(reply: CallReply) -> str:
-    """Why the supervisor could not read a reply, which would end this process; "" where it can."""
+    """Why the supervisor could not read a reply, which would end this process; "" if it can."""
     data = encode(reply)
     if len(data) > REPLY_LIMIT_BYTES:
         return f"its reply has {len(data)} bytes; at most {REPLY_LIMIT_BYTES} are allowed"

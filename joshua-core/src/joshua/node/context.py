@@ -1,4 +1,4 @@
-"""What the runtime offers to a behaviour: topics, timers, threads, and a word to the supervisor."""
+"""The interface of the runtime for a behaviour: topics, timers, threads, reports to the supervisor."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from joshua.node.timers import Timer, TimerQueue
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.plan.events import Progress
 
-#: Silence of a reader thread that counts as a hang, by kind of node. A model may think for long.
+#: Time without a poll after which a reader thread counts as hung, by kind of node. Inference may take long.
 READER_HANG_S: dict[NodeKind, float] = {NodeKind.MODEL: 60.0}
 READER_HANG_DEFAULT_S = 5.0
 
@@ -35,7 +35,7 @@ class NodeFailedError(Exception):
 
 
 class ReaderThread(threading.Thread):
-    """A thread that a behaviour started; asking ``context.stopping`` is its sign of life."""
+    """A thread that a behaviour started. Polling ``context.stopping`` is its heartbeat."""
 
     def __init__(self, run: Callable[[], None], name: str, limit_s: float) -> None:
         super().__init__(target=run, name=name, daemon=True)
@@ -44,11 +44,11 @@ class ReaderThread(threading.Thread):
 
 
 class NodeContext:
-    """What the runtime offers to a behaviour, on the node's own thread unless said otherwise.
+    """The interface of the runtime for a behaviour, for the node's own thread unless stated otherwise.
 
     Args:
         spec: the node's part of the plan; ``spec.facts.restarted`` is true after a failure.
-        log: logger whose records reach the supervisor with the node's name.
+        log: logger that sends records to the supervisor with the node's name.
         send: takes messages for the supervisor.
         prepare_thread: called on each new reader thread.
         wake: wakes the node's loop.
@@ -79,19 +79,19 @@ class NodeContext:
         self._progress: dict[str, tuple[float, float, float, float]] = {}
 
     def publisher(self, topic: TopicSpec) -> MessagePublisher:
-        """Declares a publisher of the node block, or one of the node's own such as ``~/applied_command``."""
+        """Declares a publisher of the node block, or one of the node such as ``~/applied_command``."""
         return self._declared().publisher(topic)
 
     def subscribe(self, topic: TopicSpec, callback: MessageCallback) -> TrafficFigures:
         """Calls ``callback(message, received_ns)`` on a transport thread for each message.
 
-        An exception of the callback fails the node. A payload that cannot be decoded is logged and skipped.
+        An exception in the callback fails the node. A payload that cannot be decoded is logged and skipped.
         Returns the figures of the topic.
         """
         return self._declared().subscribe(topic, callback)
 
     def subscribe_named(self, topic: TopicSpec, callback: NamedMessageCallback) -> TrafficFigures:
-        """Calls ``callback(message, received_ns, publisher)``; else as ``subscribe``.
+        """Calls ``callback(message, received_ns, publisher)``; otherwise like ``subscribe``.
 
         ``publisher`` is the full name of the publishing node, "" for a program that is not a ROS 2 node.
         Messages that arrive before the graph knows their publisher are dropped, for one second at most.
@@ -101,8 +101,8 @@ class NodeContext:
     def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> Timer:
         """Calls back on the node's thread at a fixed rate on the monotonic clock, without drift.
 
-        The first tick comes one period after ``activate`` has returned. Ticks that a long callback
-        overruns are skipped and counted. Raises ValueError if the period is not a positive number.
+        The first tick is one period after ``activate`` has returned. Ticks missed during a long callback are
+        skipped and counted. Raises ValueError if the period is not a positive number.
         """
         timer = Timer(period_s, callback, name or f"timer {len(self.timer_queue.timers) + 1}")
         self.timer_queue.add(timer)
@@ -111,11 +111,11 @@ class NodeContext:
     def spawn_thread(
         self, target: Callable[[], None], *, name: str, hang_after_s: float | None = None
     ) -> None:
-        """Runs a blocking reader beside the timers; its exception fails the node; joined at the end.
+        """Runs a blocking reader beside the timers. Its exception fails the node. It is joined at the end.
 
         Args:
-            target: returns soon after ``stopping`` becomes true, and polls it: a reader that does not
-                poll it for ``hang_after_s`` counts as hung.
+            target: polls ``stopping`` and returns soon after it becomes true. A reader that does not poll it
+                for ``hang_after_s`` counts as hung.
             name: for logs and reports.
             hang_after_s: the limit; None takes the default of the node's kind.
         """
@@ -135,7 +135,7 @@ class NodeContext:
 
     @property
     def stopping(self) -> bool:
-        """Whether the node has been asked to stop; readers poll it, as their sign of life."""
+        """Whether the node has been asked to stop. Readers poll it, which is their heartbeat."""
         thread = threading.current_thread()
         if isinstance(thread, ReaderThread):
             thread.seen_ns = time.monotonic_ns()
@@ -143,7 +143,7 @@ class NodeContext:
 
     @property
     def stop_requested(self) -> bool:
-        """The same, without the sign of life."""
+        """The same, without the heartbeat."""
         return self._stop_requested
 
     def now_ns(self) -> int:
@@ -151,11 +151,11 @@ class NodeContext:
         return ros_time.now_ns()
 
     def fail(self, reason: str) -> None:
-        """Ends the node as failed with a reason that names the device and the remedy; any thread."""
+        """Ends the node as failed with a reason that names the device and the remedy. Any thread."""
         self.fail_with(NodeFailedError(reason))
 
     def fail_with(self, error: BaseException) -> None:
-        """Ends the node as failed with an exception; the first one counts, later ones are logged."""
+        """Ends the node as failed with an exception. The first one counts, later ones are logged."""
         with self._lock:
             first = self.failure is None
             if first:
@@ -165,28 +165,28 @@ class NodeContext:
         self.request_stop()
 
     def request_stop(self) -> None:
-        """Asks the node to stop; any thread, any number of times."""
+        """Asks the node to stop. Any thread, any number of times."""
         self._stop_requested = True
         self._wake()
 
     def warn(self, text: str) -> None:
-        """Adds a warning to the node's row of the start-up table; any thread."""
+        """Adds a warning to the node's row of the start-up table. Any thread."""
         self.warnings.append(printable(text))
         self._send(Said(kind="warning", node=self.spec.full_name, text=printable(text)))
 
     def waiting_for(self, text: str) -> None:
-        """Says what the node waits for, for the message of a start that takes too long; "" clears it."""
+        """Reports what the node waits for, for the message of a start that takes too long; "" clears it."""
         self._send(Said(kind="waiting", node=self.spec.full_name, text=printable(text)))
 
     def fault(self, reason: str) -> None:
-        """Reports that the node runs, but its device does nothing until it is resumed; "" clears it."""
+        """Reports that the node runs, but its device is stopped until it is resumed; "" clears it."""
         if reason:
             self.log.error("%s", reason)
         self.fault_reason = reason
         self._send(Said(kind="fault", node=self.spec.full_name, text=printable(reason)))
 
     def show(self, text: str) -> None:
-        """Puts a short text into the node's part of the live status line; "" removes it; any thread."""
+        """Sets a short text in the node's part of the live status line; "" removes it. Any thread."""
         if text != self._shown:
             self._shown = text
             self._send(Said(kind="shown", node=self.spec.full_name, text=printable(text, 120)))
@@ -201,16 +201,16 @@ class NodeContext:
         rate: float | None = None,
         remaining_s: float | None = None,
     ) -> None:
-        """Reports the progress of finite work, as often as it likes; any thread.
+        """Reports the progress of finite work, at any rate. Any thread.
 
         Args:
             name: of the work, such as ``episodes``.
-            current: what is done, in ``unit``; total: all of it, None if unknown.
+            current: finished work in ``unit``; total: all of it, None if unknown.
             rate: units per second; remaining_s: time to the end. None computes them from earlier reports.
         """
         now_s = time.monotonic()
         began_s, first, sent_s, sent = self._progress.get(name, (now_s, current, -math.inf, math.nan))
-        if current < first:  # it starts over
+        if current < first:  # the work restarts
             began_s, first = now_s, current
         if current == sent or (current != total and now_s - sent_s < PROGRESS_PERIOD_S):
             return
@@ -224,11 +224,11 @@ class NodeContext:
         self._send(Progressed(node=node, progress=said))
 
     def end_run(self, reason: str) -> None:
-        """Asks for a clean end of the whole run, because the node's work is done; any thread."""
+        """Requests a clean end of the whole run, because the node's work is done. Any thread."""
         self._send(Said(kind="stop-run", node=self.spec.full_name, text=printable(reason)))
 
     def reader_ages(self) -> tuple[ThreadAge, ...]:
-        """The time since the last sign of life of each reader thread that runs."""
+        """The time since the last heartbeat of each running reader thread."""
         now_ns = time.monotonic_ns()
         return tuple(
             ThreadAge(name=thread.name, age_s=(now_ns - thread.seen_ns) / 1e9, limit_s=thread.limit_s)
@@ -237,7 +237,7 @@ class NodeContext:
         )
 
     def join_readers(self, timeout_s: float) -> list[str]:
-        """Waits for all reader threads together; returns the names of those that still run."""
+        """Waits for all reader threads together. Returns the names of those still running."""
         deadline_s = time.monotonic() + timeout_s
         for thread in self._readers:
             thread.join(max(0.0, deadline_s - time.monotonic()))

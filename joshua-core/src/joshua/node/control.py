@@ -1,4 +1,4 @@
-"""The child's end of the control socket: a thread that never lets the nodes wait for the supervisor."""
+"""The child's end of the control socket: a thread, so that nodes never wait for the supervisor."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from collections.abc import Callable
 from joshua.ipc.frames import EndOfStreamError, FrameError, FrameSocket
 from joshua.ipc.messages import Message, ToChild, decode_for_child, encode
 
-#: Unsent bytes beyond which messages that can be missed (heartbeats, logs, rates) are dropped.
+#: Unsent bytes beyond which unessential messages (heartbeats, logs, rates) are dropped.
 BACKLOG_LIMIT_BYTES = 256 * 1024
 
 
 class ControlChannel:
-    """Sends messages to the supervisor from any thread, and receives on a thread of its own.
+    """Sends messages to the supervisor from any thread, and receives on a separate thread.
 
     Args:
         descriptor: of the inherited control socket; programs started here do not inherit it.
-        on_message: takes a message of the supervisor, on the control thread, as the others.
-        on_orphaned: called once, when the supervisor has gone.
-        on_signals: takes signals, one byte each.
+        on_message: receives a message of the supervisor, on the control thread like all callbacks.
+        on_orphaned: called once, when the supervisor is gone.
+        on_signals: receives signals, one byte each.
     """
 
     def __init__(
@@ -52,10 +52,10 @@ class ControlChannel:
         threading.Thread(target=self._run, name="control", daemon=True).start()
 
     def send(self, message: Message, *, can_miss: bool = False) -> None:
-        """Sends a message or queues it; never blocks and never raises.
+        """Sends or queues a message. Never blocks and never raises.
 
         Args:
-            can_miss: drop the message when the supervisor has not read for long.
+            can_miss: drop the message if the supervisor has not read for long.
         """
         payload = encode(message)
         with self._lock:
@@ -71,7 +71,7 @@ class ControlChannel:
                 self._wake_sender.send(b"\0")
 
     def drain(self, timeout_s: float) -> None:
-        """Waits at the end of the process until everything has been sent."""
+        """At the end of the process, waits until everything has been sent."""
         selector = selectors.DefaultSelector()
         selector.register(self._frames.fileno(), selectors.EVENT_WRITE)
         with selector, contextlib.suppress(EndOfStreamError):
@@ -102,7 +102,7 @@ class ControlChannel:
                 selector.modify(self._frames.fileno(), wanted, "control")
 
     def _serve(self, events: int) -> bool:
-        """Reads and writes once; returns whether the supervisor is still there."""
+        """Reads and writes once. Returns whether the supervisor is still connected."""
         try:
             with self._lock:
                 payloads = self._frames.receive() if events & selectors.EVENT_READ else []

@@ -1,4 +1,4 @@
-"""Publishers and subscriptions of a node: messages in and out, counted."""
+"""Publishers and subscriptions of a node, with counters."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from joshua.transport import NodeHandle, Publisher, Sample, Subscription
 #: to no node, as far as is known: the graph is asked again each time that this has passed.
 KNOWN_WITHIN_S = 1.0
 _ASK_EVERY_S = 0.02
-# gids come from outside: what is remembered is bounded
+# gids come from outside, so the table is bounded
 _MOST_PUBLISHERS = 1000
 _Value = TypeVar("_Value")
 
 
 class PublisherNames:
-    """Names of the nodes that publish on one topic, by the identity that their messages carry.
+    """Names of the nodes that publish on one topic, by the publisher id in their messages.
 
     Args:
-        look_up: asks the graph; "" while it does not know.
+        look_up: queries the graph; "" while unknown.
         clock: seconds, monotonic.
     """
 
@@ -39,7 +39,7 @@ class PublisherNames:
         self._waiting: dict[bytes, tuple[float, float]] = {}
 
     def name(self, publisher_gid: bytes) -> str | None:
-        """Full name of the publisher's node, "" for one that belongs to no node, None while not known."""
+        """Full name of the publisher's node, "" for one without a node, None while unknown."""
         return self._names.get(publisher_gid) or self._ask(publisher_gid)
 
     def _ask(self, publisher_gid: bytes) -> str | None:
@@ -72,7 +72,7 @@ _LOGGED_COUNTS = frozenset(10**power for power in range(12))
 
 
 class MessagePublisher:
-    """Publishes ROS 2 messages (classes of ``joshua.messages``) on one topic, and counts them.
+    """Publishes and counts ROS 2 messages (classes of ``joshua.messages``) on one topic.
 
     Attributes:
         topic: its topic; figures: number and rate of its messages.
@@ -85,18 +85,18 @@ class MessagePublisher:
         self._lock = threading.Lock()
 
     def publish(self, message: Any) -> None:
-        """Serialises and sends one message. Raises MessageError if it does not fit its type."""
+        """Serialises and sends one message. Raises MessageError if it does not match its type."""
         self._publisher.publish(encode(message))
         with self._lock:
             self.figures.add()
 
 
 class Outputs:
-    """The publishers of a node block, each thinned to its own rate.
+    """The publishers of a node block, each limited to its rate.
 
     Args:
         publishers: one per topic of the block.
-        source_hz: rate of what they publish; None where the device sets it.
+        source_hz: rate of the source; None if the device sets it.
     """
 
     def __init__(self, publishers: Iterable[MessagePublisher], source_hz: float | None = None) -> None:
@@ -106,7 +106,7 @@ class Outputs:
         ]
 
     def publish(self, stamp_ns: int, make: Callable[[str], Any | None]) -> None:
-        """Publishes what ``make`` returns for a type, unless that is None, on each topic that is due."""
+        """Publishes the result of ``make`` for a type, unless that is None, on each topic that is due."""
         for publisher, limit in self._outputs:
             if limit is None or limit.passes(stamp_ns):
                 message = make(publisher.topic.type_name)
@@ -119,15 +119,15 @@ class Outputs:
 
 
 class CountingSubscription:
-    """Deserialises messages, counts them and hands them to a behaviour.
+    """Deserialises messages, counts them and passes them to a behaviour.
 
     Args:
-        topic: what is subscribed.
+        topic: subscribed topic.
         hand_over: called with each message and the sample that carried it.
         on_first: called with the monotonic time of the first message.
         on_error: called with an exception of ``hand_over``.
-        log: where malformed messages are reported; they come from outside and fail no node.
-        witness: knows when this process was held up.
+        log: for malformed messages, which come from outside and do not fail the node.
+        witness: knows when this process was stalled.
     """
 
     def __init__(
@@ -148,7 +148,7 @@ class CountingSubscription:
         self._malformed = 0
 
     def receive(self, sample: Sample) -> None:
-        """Takes one message from the transport; never raises."""
+        """Receives one message from the transport. Never raises."""
         now_ns = time.monotonic_ns()
         try:
             message = decode(self.topic.type_name, sample.cdr)
@@ -177,9 +177,9 @@ class Endpoints:
 
     Args:
         handle: the node in the graph.
-        spec: the node's part of the plan; MODE_TEST judges rates, so its figures leave out system stalls.
+        spec: the node's part of the plan; MODE_TEST evaluates rates, so its figures exclude system stalls.
         send: takes messages for the supervisor.
-        on_error: takes an exception of a subscription's callback.
+        on_error: receives an exception of a subscription's callback.
         log: the node's logger.
     """
 
@@ -202,12 +202,12 @@ class Endpoints:
         self._open: list[Subscription] = []
 
     def publisher(self, topic: TopicSpec) -> MessagePublisher:
-        """Declares a publisher; a name that begins with ``~/`` lies below the node's own."""
+        """Declares a publisher. A name that begins with ``~/`` is relative to the node's name."""
         topic = self._resolve(topic)
         raw = self._handle.create_publisher(
             topic.name, topic.type_name, topic.qos, on_event=self._reporter(topic)
         )
-        preload((topic.type_name,))  # not by the first message: that comes in the midst of a loop
+        preload((topic.type_name,))  # not at the first message, which is sent inside a loop
         publisher = MessagePublisher(raw, topic, self._witness)
         self._publishers.append(publisher)
         return publisher
@@ -221,7 +221,7 @@ class Endpoints:
         return self._subscribe(topic, hand_over)
 
     def subscribe_named(self, topic: TopicSpec, callback: NamedMessageCallback) -> TrafficFigures:
-        """Declares a subscription whose callback learns which node published each message."""
+        """Declares a subscription whose callback receives the name of the publishing node."""
         names = PublisherNames(self._handle.publisher_node)
 
         def hand_over(message: Any, sample: Sample) -> None:
@@ -246,12 +246,12 @@ class Endpoints:
         return tuple(item.figures.report() for item in items)
 
     def close_subscriptions(self) -> None:
-        """Ends reception; after the return no callback runs any more. A second call does nothing."""
+        """Ends reception. No callback runs after the return. Idempotent."""
         while self._open:
             self._open.pop().close()
 
     def close(self) -> None:
-        """Leaves the graph; a second call does nothing."""
+        """Leaves the graph. Idempotent."""
         self.close_subscriptions()
         self._handle.close()
 

@@ -1,30 +1,30 @@
-"""Failures of a node, by the exit code that they call for."""
+"""Failures of a node, by their exit code."""
 
 from __future__ import annotations
 
 from typing import ClassVar
 
-#: Exit codes of the program that a node's failure can call for.
+#: Exit codes of the program for a node's failure.
 EXIT_NODE_FAILED = 1
 EXIT_PLUGIN_MISSING = 3
 EXIT_DEVICE_REFUSED = 4
 
 
 class NodeError(Exception):
-    """A node cannot do its work; the message says why and what to do."""
+    """A node cannot do its work. The message says why and what to do."""
 
     exit_code: ClassVar[int] = EXIT_NODE_FAILED
 
 
 class InterruptedLifecycleError(BaseException):
-    """Breaks whatever the node's thread does, after an orderly stop was asked for in vain.
+    """Interrupts the node's thread, if it did not react to a stop request.
 
-    Not an ``Exception``, so that a driver's own error handling lets it pass.
+    Not an ``Exception``, so that a driver's error handling does not catch it.
     """
 
 
 def exit_code_of(error: BaseException) -> int:
-    """The exit code that a failure calls for: a missing module 3, an absent device 4, else 1."""
+    """The exit code of a failure: 3 for a missing module, 4 for an absent device, else 1."""
     code = getattr(error, "exit_code", None)
     if isinstance(code, int):
         return code
@@ -34,4 +34,4 @@ def exit_code_of(error: BaseException) -> int:
 
 
 class Cancelled(NodeError):
-    """A step that takes long ended early, because the node was asked to stop; no failure."""
+    """A long step ended early because the node was asked to stop. No failure."""

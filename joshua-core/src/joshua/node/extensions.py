@@ -1,4 +1,4 @@
-"""What the extensions of plugins add to a node in the graph."""
+"""Extensions that plugins add to a node in the graph."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from joshua.transport import NodeHandle, Publisher
 
 @dataclass(frozen=True)
 class ExtendedNode:
-    """A node as an extension gets it.
+    """A node, as passed to an extension.
 
     Attributes:
         context: of the node: its plan, log and threads; handle: the node in the graph.
-        verbs: what it can be asked for.
+        verbs: verbs that it offers.
         ask: calls a verb by name and payload for a caller in the network, and waits for the reply.
         parameter_events: its publisher on ``/parameter_events``.
     """
@@ -32,7 +32,7 @@ class ExtendedNode:
 
 
 def extend(node: ExtendedNode) -> None:
-    """Add what plugins have for the node; one that fails leaves the others and the node as they are."""
+    """Add the extensions of plugins to the node. One that fails does not affect the others or the node."""
     for target in node.context.spec.extensions:
         try:
             load_target(target)(node)

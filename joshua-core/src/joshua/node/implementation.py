@@ -1,4 +1,4 @@
-"""From the import strings of a plan to classes and settings, in the child process."""
+"""Loads the classes and settings of a plan from their import strings, in the child process."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from joshua.plugins.targets import TargetError, load_target
 
 
 def load_implementation(spec: NodeSpec, base: type) -> tuple[Any, Any]:
-    """Imports the class that a node's behaviour drives, and makes its settings.
+    """Imports the class that a node's behaviour drives, and creates its settings.
 
     Args:
         spec: the node's part of the plan.

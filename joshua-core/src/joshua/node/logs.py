@@ -1,4 +1,4 @@
-"""Log records of a node: structured over the control socket, a flood cut with a count; and on ``/rosout``."""
+"""Log records of a node: structured over the control socket, with a rate limit, and on ``/rosout``."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ MAX_TEXT = 8000
 
 
 class NodeLogHandler(logging.Handler):
-    """Sends records to the supervisor with the name of the node that they belong to.
+    """Sends records to the supervisor with the name of their node.
 
-    A record belongs to the node whose thread made it, else to the process's first node.
+    A record belongs to the node of its thread, else to the process's first node.
     """
 
     def __init__(self, send: Callable[[Log], None], default_node: str) -> None:
@@ -34,25 +34,25 @@ class NodeLogHandler(logging.Handler):
         self._observers: dict[str, Callable[[Log], None]] = {}
 
     def adopt_thread(self, node: str) -> None:
-        """Says that records of the calling thread belong to a node from now on."""
+        """Assigns further records of the calling thread to a node."""
         self._threads.node = node
 
     def observe(self, node: str, observer: Callable[[Log], None] | None) -> None:
-        """Also hands each record of a node to ``observer``, such as a publisher; None ends that."""
+        """Also passes each record of a node to ``observer``, such as a publisher; None ends that."""
         if observer is None:
             self._observers.pop(node, None)
         else:
             self._observers[node] = observer
 
     def settle(self, node: str, *, ended: bool = False) -> None:
-        """Reports what the flood limit has dropped of a node, once lines may pass again or it has ended."""
+        """Reports the dropped lines of a node, once lines may pass again or it has ended."""
         if dropped := self._budget(node).settle(ended=ended):
             text = f"{dropped} log lines dropped: more than {LINES_PER_S} in a second"
             level, time_ns = logging.WARNING, time.time_ns()
             self._send(Log(node=node, time_ns=time_ns, level=level, text=text, logger="joshua.node"))
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Sends one record; never raises, whatever the record's arguments are."""
+        """Sends one record. Never raises, whatever the record's arguments are."""
         node: str = getattr(record, "node", "") or getattr(self._threads, "node", self._default_node)
         self.settle(node)
         if not self._budget(node).take():
@@ -95,7 +95,7 @@ class NodeLogHandler(logging.Handler):
 
 
 def node_logger(full_name: str, level: int) -> logging.Logger:
-    """Makes the logger of a node; its records carry the node's name whichever thread writes them."""
+    """Makes the logger of a node. Its records carry the node's name on every thread."""
     logger = logging.getLogger("node" + full_name.replace("/", "."))
     logger.setLevel(level)
 
@@ -126,7 +126,7 @@ LEVELS = (10, 20, 30, 40, 50)
 
 
 class RosoutPublisher:
-    """Publishes log records of a node; declares the topics that every node of ROS 2 has from its start.
+    """Publishes log records of a node, and declares the topics that every ROS 2 node has from its start.
 
     Args:
         handle: the node in the graph.
@@ -142,7 +142,7 @@ class RosoutPublisher:
         self._busy = threading.local()
 
     def publish(self, log: Log) -> None:
-        """Publishes one record; records that this causes in turn are left out."""
+        """Publishes one record, except records caused by publishing."""
         if getattr(self._busy, "active", False):
             return
         self._busy.active = True

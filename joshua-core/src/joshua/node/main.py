@@ -8,12 +8,12 @@ import os
 import signal
 import sys
 
-#: Exit status of a child that failed outside of its nodes.
+#: Exit status of a child that failed outside its nodes.
 EXIT_INTERNAL = 70
 
 
 def prepare() -> None:
-    """Loads what every child needs; the fork server calls it once before it forks."""
+    """Loads the modules that every child needs. The fork server calls it once before it forks."""
     import joshua.node.process  # noqa: F401 (for those that are forked)
     from joshua.ipc.messages import prepare_child
 
@@ -21,28 +21,28 @@ def prepare() -> None:
 
 
 def run_forked(control_descriptor: int, version: str = "") -> int:
-    """Runs a child process whose standard streams are set up; returns its exit code.
+    """Runs a child process whose standard streams are set up. Returns its exit code.
 
     Args:
         control_descriptor: of its control socket.
-        version: of the core in another environment; "" in that of the supervisor.
+        version: of the core in another environment; "" in the supervisor's environment.
     """
     from joshua.node.process import NodeProcess
 
-    # A crash in native code, and the supervisor's question where a hung node hangs, are answered with
-    # the stacks of all threads on standard error.
+    # Writes the stacks of all threads to standard error after a crash in native code, and at the supervisor's
+    # request for a hung node.
     faulthandler.enable(file=2)
     faulthandler.register(signal.SIGUSR2, file=2, all_threads=True)
     return NodeProcess(control_descriptor, version).run()
 
 
 def finish(code: int) -> None:
-    """Ends the process at once: exit handlers and threads of libraries get no say any more."""
+    """Ends the process immediately, without exit handlers and threads of libraries."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except (OSError, ValueError):
-            continue  # nobody reads any more
+            continue  # the reader is gone
     os._exit(code)
 
 
@@ -54,7 +54,7 @@ def main() -> None:
     )
     parser.add_argument("--control-descriptor", type=int, required=True, help="inherited control socket")
     arguments = parser.parse_args()
-    from importlib import metadata  # takes milliseconds, which forked children need not spend
+    from importlib import metadata  # takes milliseconds, which forked children do not need
 
     code = EXIT_INTERNAL
     try:

@@ -36,30 +36,30 @@ from joshua.node.logs import NodeLogHandler, install_handler
 from joshua.node.runtime import NodeRuntime, RuntimeServices
 from joshua.transport import Transport, open_transport
 
-#: Time between an orderly stop on a signal and the interruption of a node that has not noticed it.
+#: Time between a stop on a signal and the interruption of a node that has not reacted.
 INTERRUPT_AFTER_S = 0.3
 
-#: The same after a stop request that is urgent.
+#: The same after an urgent stop request.
 URGENT_INTERRUPT_AFTER_S = 0.05
 
-#: Patience is counted in such steps: a node that stood still with its process could not notice anything.
+#: These times are counted in such steps, because a node in a stalled process cannot react.
 PATIENCE_STEP_S = 0.02
 
 #: The interpreter's default of 5 ms lets one busy thread delay the ticks of another by that much.
 SWITCH_INTERVAL_S = 0.0005
 
-#: How long the last messages may take to leave.
+#: Time limit for sending the last messages.
 DRAIN_S = 1.0
 
-#: Messages that may be dropped while the supervisor does not read.
+#: Messages that may be dropped if the supervisor does not read.
 CAN_MISS = (Heartbeat, Log, Progressed, Topics)
 
 
 class NodeProcess:
-    """Runs the nodes that the supervisor names, and ends with them, with it, or on its request.
+    """Runs the nodes that the supervisor names. Ends with them, with the supervisor, or on its request.
 
     Args:
-        control_descriptor: socket of the supervisor; version: of the core, where it is another environment's.
+        control_descriptor: socket of the supervisor; version: of the core in another environment.
     """
 
     def __init__(self, control_descriptor: int, version: str = "") -> None:
@@ -79,7 +79,7 @@ class NodeProcess:
         self._start: Start | None = None
 
     def run(self) -> int:
-        """Runs until the nodes have ended; returns the exit code of the process."""
+        """Runs until the nodes have ended. Returns the exit code of the process."""
         self._handle_signals()
         self._channel.start()
         self._send(Hello(version=self._version, process_id=os.getpid(), python=sys.version.split()[0]))
@@ -112,7 +112,7 @@ class NodeProcess:
             self._starts.put(message)
         elif isinstance(message, Activate):
             sys.setswitchinterval(SWITCH_INTERVAL_S)
-            # what was loaded so far stays: no collection needs to walk through it any more
+            # excludes the loaded modules from garbage collection
             gc.freeze()
             self._activation.set()
             for runtime in self._runtimes:
@@ -125,13 +125,13 @@ class NodeProcess:
                 self._later(URGENT_INTERRUPT_AFTER_S, self._interrupt)
 
     def _on_orphaned(self) -> None:
-        """Ends cleanly, within a bounded time, when the supervisor is gone (control thread)."""
+        """Ends cleanly within a bounded time after the supervisor has gone (control thread)."""
         self._request_stop()
         self._later(self._orphan_grace_s / 2, self._interrupt)
         self._later(self._orphan_grace_s, lambda: os._exit(1))
 
     def _on_signals(self, numbers: bytes) -> None:
-        """Stops on SIGTERM; interrupts nodes that were told to stop before and still run (control thread)."""
+        """Stops on SIGTERM, and interrupts nodes that still run after a stop request (control thread)."""
         if signal.SIGTERM not in numbers:
             return
         requested_s = self._stop_requested_s
@@ -143,7 +143,7 @@ class NodeProcess:
 
     def _run_nodes(self, start: Start, services: RuntimeServices) -> None:
         specs = start.nodes
-        # The first node runs on the main thread, which signals can interrupt and some libraries insist on.
+        # The first node runs on the main thread, which signals can interrupt and some libraries require.
         self._runtimes = [NodeRuntime(specs[0], services, self._interruptible)]
         self._runtimes += [NodeRuntime(spec, services, nullcontext) for spec in specs[1:]]
         if self._stop_requested_s is not None:
@@ -159,7 +159,7 @@ class NodeProcess:
             thread.join()
 
     def _run_beside(self, runtime: NodeRuntime) -> None:
-        """Runs one node; when it ends, the others of the process end too."""
+        """Runs one node. When it ends, the others of the process end too."""
         runtime.run()
         self._request_stop()
 
@@ -175,7 +175,7 @@ class NodeProcess:
         for runtime in self._runtimes:
             if runtime.full_name == call.node and runtime.take_call(call):
                 return
-        text = f"{call.node} is starting just now: try again"
+        text = f"{call.node} is still starting: try again"
         self._send(CallReply(id=call.id, node=call.node, ok=False, code="not-running", text=text))
 
     def _interrupt(self) -> None:
@@ -183,7 +183,7 @@ class NodeProcess:
             signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGUSR1)
 
     def _later(self, delay_s: float, action: Callable[[], None]) -> None:
-        """Does something after a time, in which a pause of this whole process counts little."""
+        """Calls a function after a time, excluding pauses of this whole process."""
 
         def wait_and_act() -> None:
             clock = AwakeClock(longest_look_s=2 * PATIENCE_STEP_S)
@@ -204,15 +204,15 @@ class NodeProcess:
     def _handle_signals(self) -> None:
         def interrupt(_number: int, _frame: object) -> None:
             if self._in_interruptible:
-                self._in_interruptible = False  # once is enough, the node shuts down now
+                self._in_interruptible = False  # once is enough, because the node shuts down
                 raise InterruptedLifecycleError
 
-        # Ctrl-C goes to the whole foreground group; the supervisor decides what it means.
+        # Ctrl-C reaches the whole foreground group, but only the supervisor handles it.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
         signal.signal(signal.SIGUSR1, interrupt)
-        # The handler has nothing to do: the byte in the wake-up socket reaches the control thread even
-        # while the main thread is busy outside of Python.
+        # The handler does nothing: the byte in the wake-up socket reaches the control thread even while the
+        # main thread is busy outside Python.
         signal.signal(signal.SIGTERM, lambda _number, _frame: None)
         signal.set_wakeup_fd(self._channel.wake_descriptor, warn_on_full_buffer=False)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # the fork server blocks it
@@ -222,7 +222,7 @@ class NodeProcess:
 
     def _open_transport(self) -> Transport:
         if self._start is None:
-            raise FrameError("the start message has not come")
+            raise FrameError("no start message received")
         with self._transport_lock:
             if self._transport is None:
                 self._transport = open_transport(self._start.transport)

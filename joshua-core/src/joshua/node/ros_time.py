@@ -1,6 +1,6 @@
-"""The time that messages are stamped with: this computer's, or the simulation's.
+"""The time of message stamps: this computer's, or the simulation's.
 
-It is the same for everything in a process, as it is in ROS 2 for the nodes that set ``use_sim_time``.
+It is the same for everything in a process, as in ROS 2 with ``use_sim_time``.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Any
 
 from joshua.plan import QosProfile, TopicSpec
 
-#: Where the simulation says its time; by ROS 2's convention only the newest counts.
+#: The topic of the simulation's time. By ROS 2 convention, only the newest message counts.
 CLOCK = TopicSpec(
     name="/clock",
     type_name="rosgraph_msgs/msg/Clock",
@@ -21,21 +21,21 @@ _simulated_ns: int | None = None
 
 
 def follow_simulation() -> None:
-    """Takes the simulation's time from now on; 0 until the first one is known."""
+    """Use the simulation's time, 0 until the first one is received."""
     global _simulated_ns
     if _simulated_ns is None:
         _simulated_ns = 0
 
 
 def set_simulated_ns(value_ns: int) -> None:
-    """Sets the simulation's time, in ns from its start; has no effect unless it is followed."""
+    """Set the simulation's time, in ns from its start. No effect unless it is followed."""
     global _simulated_ns
     if _simulated_ns is not None:
         _simulated_ns = value_ns
 
 
 def take(message: Any, received_ns: int) -> None:
-    """Takes a message of ``CLOCK``."""
+    """Handle a message of ``CLOCK``."""
     del received_ns
     set_simulated_ns(message.clock.sec * 1_000_000_000 + message.clock.nanosec)
 

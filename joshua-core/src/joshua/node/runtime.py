@@ -25,16 +25,16 @@ from joshua.node.verbs import Caller, verbs_of
 from joshua.plan import ActuatorFacts, CheckResult, JointTrace, NodeReport, NodeSpec, installing
 from joshua.transport import Transport
 
-#: Distance of two messages with running totals.
+#: Interval of messages with running totals.
 TOTALS_PERIOD_S = 0.5
 
-#: How long reader threads may take to notice the stop.
+#: Time limit for reader threads to notice the stop.
 READER_JOIN_S = 1.0
 
-#: How long a verb may take that a ROS 2 service calls.
+#: Time limit of a verb called by a ROS 2 service.
 SERVICE_TIMEOUT_S = 5.0
 
-#: The default of 50 µs would show in every tick.
+#: The default of 50 µs would delay every tick.
 TIMER_SLACK_NS = 1000
 
 StepName = Literal["import", "transport", "configure", "activate", "active", "deactivate", "cleanup"]
@@ -42,13 +42,13 @@ StepName = Literal["import", "transport", "configure", "activate", "active", "de
 
 @dataclass(frozen=True)
 class RuntimeServices:
-    """What the process provides to each of its nodes.
+    """Services of the process for each of its nodes.
 
     Attributes:
-        send: takes messages for the supervisor; heartbeats and totals may be dropped there.
+        send: sends messages to the supervisor. Heartbeats and totals may be dropped.
         transport: opens or returns the connection of this process to the graph.
         activation: set when the supervisor lets the nodes start.
-        logs: takes the log records of the process; log_level: from which on.
+        logs: handles the log records of the process; log_level: lowest level.
         heartbeat_s: time between two heartbeats.
     """
 
@@ -65,8 +65,8 @@ class NodeRuntime:
 
     Args:
         spec: the node's part of the plan.
-        services: what the process provides.
-        interruptible: entered around everything that a second stop signal may break off.
+        services: those of the process.
+        interruptible: entered around everything that a second stop signal may interrupt.
     """
 
     def __init__(
@@ -92,16 +92,16 @@ class NodeRuntime:
 
     @property
     def exit_code(self) -> int:
-        """0 after a good end, else the code that the failure calls for."""
+        """0 after a clean end, else the code of the failure."""
         return self._exit_code
 
     @property
     def running(self) -> bool:
-        """Whether the node has not been told to stop, or has not noticed yet."""
+        """Whether the node has not been asked to stop, or has not reacted yet."""
         return self._step not in ("deactivate", "cleanup")
 
     def request_stop(self) -> None:
-        """Asks the node to stop in good order; any thread."""
+        """Asks the node to stop cleanly. Any thread."""
         self.context.request_stop()
 
     @property
@@ -110,7 +110,7 @@ class NodeRuntime:
         return self._spec.full_name
 
     def take_call(self, call: Call) -> bool:
-        """Takes a call from outside; whether it will be answered. Any thread."""
+        """Receives a call from outside. Returns whether it will be answered. Any thread."""
         if self._behaviour is None:
             return False
         active = self._serves_calls and not self.context.stop_requested
@@ -129,7 +129,7 @@ class NodeRuntime:
         self._wake.set()
 
     def run(self) -> None:
-        """Runs the node; returns when it has ended, and never raises for what the behaviour does."""
+        """Runs the node until it has ended. Never raises exceptions of the behaviour."""
         self._services.logs.adopt_thread(self._spec.full_name)
         try:
             with self._interruptible():
@@ -154,7 +154,7 @@ class NodeRuntime:
         )
         if self._spec.facts.use_sim_time:
             ros_time.follow_simulation()
-            if self._spec.process_group != "simulation":  # that process sets its time itself
+            if self._spec.process_group != "simulation":  # that process sets the time itself
                 self.context.endpoints.subscribe(ros_time.CLOCK, ros_time.take)
         self._rosout = RosoutPublisher(handle, self._spec)
         self._services.logs.observe(self._spec.full_name, self._rosout.publish)
@@ -162,7 +162,7 @@ class NodeRuntime:
         self._enter("configure")
         self._behaviour.configure()
         self._services.send(Step(node=self._spec.full_name, step="configured"))
-        # Before the activation: no code of a plugin stands between torque and the loop that watches it.
+        # Before the activation, so that no plugin code runs between torque on and the loop that watches it.
         if self._services.transport().carries_services:
             verbs = tuple(verbs_of(self._behaviour.verb_providers()).values())
             extend(ExtendedNode(self.context, handle, verbs, self._ask, self._rosout.parameter_events))
@@ -170,7 +170,7 @@ class NodeRuntime:
             return
         self._enter("activate")
         self._behaviour.activate()
-        self._serves_calls = True  # from the moment on in which the supervisor may pass one on
+        self._serves_calls = True  # from the moment when the supervisor may forward one
         set_timer_slack(TIMER_SLACK_NS)
         if self._controls_a_device():
             text = f"{prefer_this_process() or 'normal'}, {'memory locked' if lock_memory() else ''}"
@@ -188,7 +188,7 @@ class NodeRuntime:
         self._services.send(Step(node=self._spec.full_name, step=step))
 
     def _activation_came(self) -> bool:
-        """Waits for the activation; False if the node is to stop."""
+        """Waits for the activation. False if the node must stop."""
         while not (self._services.activation.is_set() or self.context.stop_requested):
             self._wake.wait(0.5)
             self._wake.clear()
@@ -218,7 +218,7 @@ class NodeRuntime:
                 self._wake.clear()
 
     def _serve_call(self) -> None:
-        """Serves the next call; one that takes the time of an activation counts as one."""
+        """Executes the next call. One that runs as ``activation`` counts as an activation."""
         job = self._calls.next()
         if job is None:
             return
@@ -260,7 +260,7 @@ class NodeRuntime:
         self._services.send(failure)
 
     def _shut_down(self) -> None:
-        """Brings the device into its safe state, then lets go of everything; each part for itself."""
+        """Brings the device into its safe state, then releases all resources, each independently."""
         self.context.request_stop()
         behaviour = self._behaviour
         checks: tuple[CheckResult, ...] = ()
@@ -286,7 +286,7 @@ class NodeRuntime:
         try:
             action()
         except Exception as error:  # noqa: BLE001 (the remaining parts must run)
-            if isinstance(error, NodeError):  # its message says all that a user can do
+            if isinstance(error, NodeError):  # its message names the remedy
                 is_new = str(error) != str(self.context.failure)
                 (self._log.error if is_new else self._log.debug)("%s failed: %s", what, error)
             else:

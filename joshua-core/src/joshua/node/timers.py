@@ -12,13 +12,13 @@ from joshua.node.cadence import NS_PER_S, TimerCadence
 class Timer:
     """One fixed-rate timer.
 
-    Its deadlines are start + k·period. A tick that comes so late that later deadlines have passed too
-    runs once; the passed deadlines are counted as overruns and skipped.
+    Its deadlines are start + k·period. A tick that is late by more than a period runs once. The missed
+    deadlines are counted as overruns and skipped.
 
     Args:
-        period_s: distance of two deadlines.
+        period_s: interval of the deadlines.
         callback: called at each.
-        name: name in the cadence report.
+        name: name in the report.
 
     Raises:
         ValueError: the period is not a positive number.
@@ -26,7 +26,7 @@ class Timer:
 
     def __init__(self, period_s: float, callback: Callable[[], None], name: str) -> None:
         if not (math.isfinite(period_s) and period_s > 0):
-            raise ValueError(f"timer {name!r}: the period is {period_s} s; a positive number is needed")
+            raise ValueError(f"timer {name!r}: the period is {period_s} s; it must be positive")
         self.name = name
         self.cadence = TimerCadence(name, period_s)
         self._period_ns = max(1, round(period_s * NS_PER_S))
@@ -39,16 +39,16 @@ class Timer:
         return self._deadline_ns
 
     def start(self, now_ns: int) -> None:
-        """Sets the first deadline one period from now; a timer that runs keeps its own."""
+        """Sets the first deadline one period from now. No effect on a running timer."""
         if self._deadline_ns is None:
             self._deadline_ns = now_ns + self._period_ns
 
     def schedule(self, deadline_ns: int) -> None:
-        """Moves the next deadline, from which the period counts on; on the node's thread."""
+        """Moves the next deadline, and all later ones with it. On the node's thread."""
         self._deadline_ns = deadline_ns
 
     def run_if_due(self, now_ns: int) -> bool:
-        """Calls back if the deadline has come and sets the next one; returns whether it was called."""
+        """Calls back if the deadline has passed, and sets the next one. Returns whether it was called."""
         deadline_ns = self._deadline_ns
         if deadline_ns is None or now_ns < deadline_ns:
             return False
@@ -75,7 +75,7 @@ class TimerQueue:
         return list(self._timers)
 
     def add(self, timer: Timer) -> None:
-        """Adds a timer; it starts with the queue, or now when the queue runs."""
+        """Adds a timer. It starts with the queue, or immediately if the queue runs."""
         self._timers.append(timer)
         if self._running:
             timer.start(self._clock())

@@ -1,4 +1,4 @@
-"""Verbs: what somebody outside may ask of a node, each declared at the method that serves it."""
+"""Verbs: requests that a node accepts from outside, each declared at its method."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from pydantic_core import PydanticSerializationError
 from joshua.ipc.messages import VerbInfo
 from joshua.node.errors import NodeError
 
-#: The thread that runs a verb: ``loop`` the node's own, between two timers; ``activation`` the same, with
+#: The thread that runs a verb: ``loop`` is the node's own, between two timers; ``activation`` the same, with
 #: the time of an activation, in which the node may be silent; ``beside`` one of its own, while timers go on.
 Runs = Literal["loop", "activation", "beside"]
 
-#: Taking torque off is never refused to anybody.
+#: Switching torque off is allowed for every caller.
 ALWAYS_OPEN = frozenset({"stop", "estop"})
 
 _MARK = "__joshua_verb__"
@@ -29,7 +29,7 @@ _METHOD = TypeVar("_METHOD", bound=Callable[..., Any])
 
 @dataclass(frozen=True)
 class Caller:
-    """Who calls: ``local`` is the user who runs the robot, at the control socket of the run."""
+    """Origin of a call: ``local`` is the user who runs the robot, at the control socket of the run."""
 
     kind: Literal["local", "network"] = "local"
     name: str = ""
@@ -40,15 +40,15 @@ LOCAL = Caller()
 
 @dataclass(frozen=True)
 class Verb:
-    """One thing that a node does when it is asked.
+    """An action that a node performs on request.
 
     Attributes:
         name: of the verb; summary: one line of help.
-        request: dataclass or pydantic model of what the caller says; None for nothing.
-        reply: dataclass or pydantic model of the answer; ``str`` for one sentence, None for nothing.
-        moves: whether it gives torque or may move a joint: then only the local user may call it.
+        request: dataclass or pydantic model of the request; None for none.
+        reply: dataclass or pydantic model of the reply; ``str`` for one sentence, None for none.
+        moves: whether it enables torque or may move a joint. Then only the local user may call it.
         runs: the thread that runs it.
-        handler: bound method that serves it.
+        handler: bound method that implements it.
         sets: name of the parameter that the only field of its request sets; "" for none. The value of the
             parameter is the provider's attribute ``<name>_parameter``.
     """
@@ -63,7 +63,7 @@ class Verb:
     sets: str = ""
 
     def info(self) -> VerbInfo:
-        """The verb for people and programs outside of the node."""
+        """The description of the verb for people and programs outside the node."""
         return VerbInfo(
             name=self.name,
             summary=self.summary,
@@ -73,10 +73,10 @@ class Verb:
         )
 
     def bind(self, payload: Mapping[str, Any]) -> Callable[[], dict[str, Any]]:
-        """Checks what the caller says, and returns the action that serves the call.
+        """Checks a request, and returns the action that executes the call.
 
         Raises:
-            InvalidRequestError: it does not fit ``request``; names every field.
+            InvalidRequestError: it does not match ``request``. The message names every field.
         """
         unknown = [name for name in payload if name not in _fields(self._request)]
         problems = [self._unknown(name) for name in unknown]
@@ -122,33 +122,33 @@ class Verb:
         try:
             dumped = self._reply.dump_python(self._reply.validate_python(value), mode="json")
         except (ValidationError, PydanticSerializationError) as error:
-            raise TypeError(f"the verb {self.name} returned {value!r}, declared is {self.reply}") from error
+            raise TypeError(f"the verb {self.name} returned {value!r}, but declares {self.reply}") from error
         return dict(dumped)
 
 
 class RefusedError(NodeError):
-    """A verb is not obeyed now; says why and what to do. The node goes on as it is."""
+    """A verb is refused. The message says why and what to do. The node continues unchanged."""
 
 
 class InvalidRequestError(Exception):
-    """What a caller says does not fit the verb; names every field."""
+    """A request does not match the verb. The message names every field."""
 
 
 class VerbDeclarationError(TypeError):
-    """A method cannot be a verb as it is declared."""
+    """The declaration of a verb is invalid."""
 
 
 def verb(*, moves: bool, runs: Runs = "loop", name: str = "", sets: str = "") -> Callable[[_METHOD], _METHOD]:
     """Declares a method as a verb of its node.
 
-    The method takes nothing or one request, and returns nothing, a sentence or a reply; request and reply are
+    The method takes nothing or one request, and returns nothing, a sentence or a reply. Request and reply are
     dataclasses or pydantic models, named by the method's annotations. The first line of its docstring is the
-    help. It raises RefusedError where it does not obey; another exception fails the node if the verb moves.
+    help. It raises RefusedError to refuse. Any other exception fails the node if the verb moves.
 
     Args:
-        moves: whether it gives torque or may move a joint; such a verb is open to the local user only.
-        runs: the thread that runs it; ``loop`` must return within the time that a timer's callback has.
-        name: of the verb; "" takes the method's.
+        moves: whether it enables torque or may move a joint. Only the local user may call such a verb.
+        runs: the thread that runs it. ``loop`` must return within the time limit of a timer's callback.
+        name: of the verb; "" for the method's name.
         sets: name of the parameter that its only field sets, while the provider has ``<name>_parameter``.
     """
 
@@ -160,7 +160,7 @@ def verb(*, moves: bool, runs: Runs = "loop", name: str = "", sets: str = "") ->
 
 
 def verbs_of(providers: Iterable[object]) -> dict[str, Verb]:
-    """The verbs of a node's behaviour and of what it drives, by name; of two with one name the first counts.
+    """The verbs of a node's behaviour and driver, by name. Of two with the same name, the first counts.
 
     Raises:
         VerbDeclarationError: a method cannot be a verb.
@@ -176,10 +176,10 @@ def verbs_of(providers: Iterable[object]) -> dict[str, Verb]:
 
 
 def allowed(verb: Verb, caller: Caller) -> str:
-    """Why a caller may not call a verb; "" where it may. Every way into a node asks here."""
+    """Why a caller may not call a verb; "" if it may. Every entry point of a node checks this."""
     if caller.kind == "local" or not verb.moves or verb.name in ALWAYS_OPEN:
         return ""
-    return f"{verb.name} gives torque or moves a joint: only the user who runs the robot may call it there"
+    return f"{verb.name} enables torque or moves a joint: only the user who runs the robot may call it there"
 
 
 def _made(provider: object, attribute: str, name: str, moves: bool, runs: Runs, sets: str) -> Verb:
@@ -188,7 +188,7 @@ def _made(provider: object, attribute: str, name: str, moves: bool, runs: Runs, 
     try:
         hints = get_type_hints(method, include_extras=True)
     except NameError as error:
-        raise VerbDeclarationError(f"{where}: {error}: import it at run time") from error
+        raise VerbDeclarationError(f"{where}: {error}: import it outside TYPE_CHECKING") from error
     parameters = list(inspect.signature(method).parameters)
     if len(parameters) > 1 or not set(parameters) <= set(hints) or "return" not in hints:
         raise VerbDeclarationError(f"{where}: a verb takes one request at most; annotate it and the return")

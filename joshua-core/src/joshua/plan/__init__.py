@@ -1,6 +1,6 @@
-"""The values on the road from text to processes: inert, printable, JSON.
+"""The values between the text of a file and its processes: inert, printable, JSON.
 
-They are loaded at first use: a file is checked without the plan, which needs pydantic.
+They are loaded at first use, because checking a file does not need the plan, which requires pydantic.
 """
 
 from __future__ import annotations

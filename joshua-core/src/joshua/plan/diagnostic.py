@@ -1,4 +1,4 @@
-"""One finding about a configuration: where, what, what is allowed, why, what to do."""
+"""A finding about a configuration: where, what was found, what is allowed, why, what to do."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache
 
-# Plain dataclasses, because every check of a file makes these and pydantic alone would cost a third of
-# the time that `joshua --validate-only` may take.
+# Plain dataclasses, because importing pydantic alone would take a third of the time limit of `joshua
+# --validate-only`.
 
 
 class Severity(str, Enum):
-    """How much a finding weighs: an error stops the run, a warning and a note do not."""
+    """Severity of a finding: an error stops the run, a warning and a note do not."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -21,7 +21,7 @@ class Severity(str, Enum):
 
 @dataclass(frozen=True)
 class Position:
-    """A span of one line in a file; line and column count from 1, column in characters."""
+    """A span within a line of a file. Line and column count from 1, columns in characters."""
 
     file: str
     line: int
@@ -34,7 +34,7 @@ class Position:
 
 @dataclass(frozen=True)
 class Related:
-    """Another place that belongs to a finding, such as the first use of a port."""
+    """Another position related to a finding, such as the first use of a port."""
 
     position: Position
     label: str
@@ -45,15 +45,15 @@ class Diagnostic:
     """One finding about a configuration.
 
     Attributes:
-        code: stable slug that the diagnostics table of the documentation explains.
-        severity: how much it weighs.
+        code: stable slug, explained in the diagnostics table of the documentation.
+        severity: error, warning or note.
         message: what is wrong and why, one sentence.
         position: where; None for findings about the command line.
-        field_path: path such as ``robot.actions[0].node.node_name``; "" where none applies.
-        found: what stands there, as text; "" where nothing stands there.
-        allowed: what may stand there, the nearest first.
+        field_path: path such as ``robot.actions[0].node.node_name``; "" if none applies.
+        found: the value found, as text; "" for none.
+        allowed: allowed values, the nearest first.
         remedy: what to do next, one imperative sentence.
-        related: further places.
+        related: further positions.
     """
 
     code: str
@@ -75,23 +75,23 @@ _SECRET = re.compile(
 )
 
 
-@lru_cache(maxsize=16)  # findings on one long line show it a thousand times
+@lru_cache(maxsize=16)  # cached, because many findings may show the same long line
 def masked(text: str) -> str:
-    """A text without secrets, equally long."""
+    """Mask secrets in a text without changing its length."""
     return _SECRET.sub(lambda match: "*" * len(match[0]), text)
 
 
-# Programs that a remedy may begin with: they keep their lower case.
+# Programs at the start of a remedy keep their lower case.
 _PROGRAMS = ("joshua", "pip", "sudo")
 
 
 def as_sentence(text: str) -> str:
-    """Ends a message with a full stop, unless it ends as a sentence already."""
+    """End a message with a full stop, unless it already ends as a sentence."""
     return text if text.endswith((".", "?", "!")) else f"{text}."
 
 
 def as_instruction(text: str) -> str:
-    """Begins a remedy with a capital letter, unless with a program's or a field's name, and ends it."""
+    """Capitalise a remedy, unless it begins with a program's or field's name, and end it."""
     first = text.split(maxsplit=1)[0] if text else ""
     plain = first.rstrip(",;:").isalpha() and first not in _PROGRAMS
     return as_sentence(text[0].upper() + text[1:] if plain else text) if text else ""

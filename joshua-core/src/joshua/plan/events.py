@@ -1,4 +1,4 @@
-"""What a run tells those who watch it: start-up table, live status, log, progress, what happens to nodes."""
+"""Events of a run: start-up table, live status, log, progress, state changes of nodes."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ class NodeRow:
 
 @dataclass(frozen=True)
 class StartTable:
-    """Shown once, when every node is ready.
+    """The start-up table, shown once, when every node is ready.
 
     Attributes:
-        transport: which one runs and why; ready_s: from the start to the last ready report.
-        visible: which ROS 2 tools see the run, and which setting lets more see it.
-        notes: what holds for the whole run; findings: of the configuration.
+        transport: the one in use and why; ready_s: from the start to the last ready report.
+        visible: which ROS 2 tools see the run, and which setting extends that.
+        notes: notes on the whole run; findings: of the configuration.
     """
 
     source: str
@@ -53,11 +53,11 @@ class StartTable:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a node is with work that ends.
+    """Progress of a node's finite work.
 
     Attributes:
-        name: of the work; current: what is done, in ``unit``; total: all of it, None where nobody knows.
-        rate: units a second, so far; remaining_s: time to the end. None where they are not known.
+        name: of the work; current: finished work in ``unit``; total: all of it, None if unknown.
+        rate: units per second, so far; remaining_s: time to the end. None if unknown.
     """
 
     node: str
@@ -71,14 +71,14 @@ class Progress:
 
 @dataclass(frozen=True)
 class NodeStatus:
-    """One node just now.
+    """The status of one node.
 
     Attributes:
-        state: ``starting``, ``configured``, ``ready``, ``fault`` (it runs, and its device does nothing
-            until it is resumed), ``resuming``, ``restarting``, ``stopping``, ``stopped``, ``failed`` or
-            ``killed``; reason: of a failure or a fault.
-        doing: step of the lifecycle, and what it waits for; shown: what the node tells people of itself.
-        progress: of work that has not ended.
+        state: ``starting``, ``configured``, ``ready``, ``fault`` (it runs, but its device is stopped until it
+            is resumed), ``resuming``, ``restarting``, ``stopping``, ``stopped``, ``failed`` or ``killed``;
+            reason: of a failure or a fault.
+        doing: step of the lifecycle, and what it waits for; shown: its text for the status line.
+        progress: of unfinished work.
         published_hz, received_hz: rates by topic over the last seconds; target_hz: of publishers.
     """
 
@@ -97,7 +97,7 @@ class NodeStatus:
 
 @dataclass(frozen=True)
 class RunStatus:
-    """A run just now; ``phase`` is ``starting``, ``running`` or ``stopping``."""
+    """The status of a run. ``phase`` is ``starting``, ``running`` or ``stopping``."""
 
     source: str
     mode: str
@@ -113,12 +113,12 @@ class RunStatus:
 
 @dataclass(frozen=True)
 class RunEvent:
-    """Something that happened to a node ("" for the run).
+    """A state change of a node ("" for the run).
 
     Attributes:
-        kind: ``started``, ``restarted``, ``ready``, ``fault`` (its device does nothing), ``resumed`` (its
-            fault has ended), ``failed``, ``restarting``, ``given-up`` (it stays down), ``stopping``,
-            ``stopped`` or ``killed``.
+        kind: ``started``, ``restarted``, ``ready``, ``fault`` (its device is stopped), ``resumed`` (the fault
+            has ended), ``failed``, ``restarting``, ``given-up`` (it stays down), ``stopping``, ``stopped`` or
+            ``killed``.
         time_ns: since the epoch.
     """
 
@@ -130,7 +130,7 @@ class RunEvent:
 
 @dataclass(frozen=True)
 class LogEntry:
-    """One line of the log; ``node`` is "" for the supervisor, ``stream`` where the line came from."""
+    """One line of the log; ``node`` is "" for the supervisor, ``stream`` the origin of the line."""
 
     time_ns: int
     node: str
@@ -147,7 +147,7 @@ class LogEntry:
         return logging.getLevelName(self.level)
 
     def as_json(self) -> str:
-        """The entry as one JSON line, without its end."""
+        """The entry as one JSON line, without the line break."""
         seconds, nanoseconds = divmod(self.time_ns, 1_000_000_000)
         stamp = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(seconds))
         record: dict[str, object] = {
@@ -166,14 +166,14 @@ class LogEntry:
 
 @dataclass(frozen=True)
 class Gap:
-    """A subscriber that reads too slowly has missed some events."""
+    """Some events were dropped because the subscriber reads too slowly."""
 
     dropped: int
 
 
 Event = StartTable | RunStatus | LogEntry | RunEvent | Progress | RunReport | Gap
 
-#: The name of each kind of event in the stream; that of a ``RunEvent`` is its own kind.
+#: Names of the events in the stream. The name of a ``RunEvent`` is its kind.
 _NAMES: dict[type, str] = {
     StartTable: "table",
     RunStatus: "status",
@@ -183,7 +183,7 @@ _NAMES: dict[type, str] = {
     Gap: "gap",
 }
 
-#: What can be asked for in the stream of events.
+#: Events that can be requested from the stream.
 EVENT_NAMES = (
     *_NAMES.values(),
     *("started", "restarted", "ready", "fault", "resumed", "failed"),
@@ -204,7 +204,7 @@ def event_record(event: Event) -> dict[str, Any]:
 
 
 def event_of(record: dict[str, Any]) -> Event:
-    """The event that a record stands for. Raises ValueError."""
+    """The event of a record. Raises ValueError."""
     fields = {name: value for name, value in record.items() if name != "event"}
     made = next((kind for kind, name in _NAMES.items() if name == record.get("event")), RunEvent)
     return _adapter(made).validate_python(fields)  # type: ignore[no-any-return]

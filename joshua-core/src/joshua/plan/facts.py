@@ -1,4 +1,4 @@
-"""What the plan hands to a node beside its settings: one class of facts per kind of node.
+"""The facts that the plan passes to a node beside its settings: one class per kind of node.
 
 Plain dataclasses, which ``NodeSpec`` carries as JSON over the control socket of a child process.
 """
@@ -12,20 +12,20 @@ from joshua.plan.feature import Feature
 from joshua.plan.joints import JointRange
 from joshua.plan.model_needs import Compute, Execution
 
-#: pydantic refuses an unknown name, so that a misspelt fact is no silent one.
+#: pydantic rejects an unknown name, so a misspelt fact is not ignored.
 _STRICT = {"extra": "forbid"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class NodeFacts:
-    """What every node can be told.
+    """Facts of every node.
 
     Attributes:
-        testing: the run is a test, and the node judges its device.
+        testing: the run is a test, in which the node evaluates its device.
         use_sim_time: the node follows the time of the simulation.
-        restarted: it ran before and failed.
-        hang_after_s, ready_timeout_s, stop_timeout_s: what the supervisor grants it; 0 takes the one of
-            its kind.
+        restarted: it ran and failed before.
+        hang_after_s, ready_timeout_s, stop_timeout_s: limits of the supervisor; 0 for the default of its
+            kind.
     """
 
     __pydantic_config__: ClassVar[dict[str, str]] = _STRICT
@@ -43,9 +43,9 @@ class Commander:
     """A node that may command an actuator.
 
     Attributes:
-        node: its full name; topic: on which it publishes.
+        node: its full name; topic: its command topic.
         joints: of a leader arm, whose positions are mapped; None for a node that sends radians.
-        override: it takes control from the others, until it is released.
+        override: it takes control from the others until it is released.
         motion_rad: of a joint after which an override takes control; 0 for its first command.
     """
 
@@ -58,7 +58,7 @@ class Commander:
 
 @dataclass(frozen=True)
 class OnStale:
-    """What joints do that hold because commands stopped.
+    """Action of joints that hold because commands stopped.
 
     Attributes:
         action: ``RELEASE`` or ``PARK_THEN_RELEASE``; after_s: how long they hold.
@@ -73,7 +73,7 @@ class OnStale:
 
 @dataclass(frozen=True)
 class SafeStop:
-    """What the guardian of an actuator does.
+    """Action of an actuator's guardian.
 
     Attributes:
         implementation: import string of the plugin's ``safe_stop``.
@@ -88,7 +88,7 @@ class SafeStop:
 
 @dataclass(frozen=True)
 class RunFacts:
-    """The run that a node belongs to: log file, control socket, and where e-stops are kept."""
+    """The run of a node: log file, control socket, and folders of the e-stops."""
 
     log: str = ""
     socket: str = ""
@@ -100,23 +100,23 @@ class RunFacts:
 
 @dataclass(frozen=True, kw_only=True)
 class ActuatorFacts(NodeFacts):
-    """What an actuator's node is told.
+    """Facts of an actuator's node.
 
     Attributes:
         joints: of the device, in joint order.
-        commanders: every node of the run whose commands count, overrides included, in the order of the file.
-        external: command topics on which publishers outside the file count, too; they send radians.
-        stale_after_s: age of a command that holds the joints; None takes the usual one.
+        commanders: every node of the run that may command it, including overrides, in the order of the file.
+        external: command topics that accept publishers outside the file, which send radians.
+        stale_after_s: age of a command after which the joints hold; None for the default.
         safe_state: ``HOLD``, ``RELEASE`` or ``PARK_THEN_RELEASE``.
-        safe_stop: of its guardian; None where it has none.
-        estop_action: import string of what releases the joints without the driver; "" if none.
-        keeps_last_goal: nothing stops the joints when the driver dies.
-        intervention: it says whether a person has taken over from a model.
-        on_stale: what becomes of the joints when commands stay away; None holds them.
+        safe_stop: of its guardian; None if it has none.
+        estop_action: import string of the action that releases the joints without the driver; "" if none.
+        keeps_last_goal: nothing stops the joints if the driver dies.
+        intervention: it publishes whether a person has taken over from a model.
+        on_stale: action of the joints when commands stop for long; None to hold.
         allow_uncalibrated: joints without calibration may be energised.
-        dry_run: everything is done with torque off.
-        simulation: settings of the simulation that the device is part of; None for any other.
-        run: the run that it belongs to.
+        dry_run: the torque stays off.
+        simulation: settings of the simulation of the device; None for a real device.
+        run: its run.
     """
 
     kind: Literal["actuator"] = "actuator"
@@ -138,12 +138,12 @@ class ActuatorFacts(NodeFacts):
 
 @dataclass(frozen=True, kw_only=True)
 class SensorFacts(NodeFacts):
-    """What a sensor's node is told.
+    """Facts of a sensor's node.
 
     Attributes:
-        joints: that its commands reach; () where it sends none, or not all of them are known.
+        joints: those that it commands; () if it commands none, or not all are known.
         terminal: it reads the terminal that the run was started from.
-        simulation: settings of the simulation that the device is part of; None for any other.
+        simulation: settings of the simulation of the device; None for a real device.
     """
 
     kind: Literal["sensor"] = "sensor"
@@ -154,14 +154,14 @@ class SensorFacts(NodeFacts):
 
 @dataclass(frozen=True, kw_only=True)
 class ModelFacts(NodeFacts):
-    """What a model's node is told.
+    """Facts of a model's node.
 
     Attributes:
-        joints: that it commands; features: of its subscriptions, by the model's keys.
+        joints: those that it commands; features: of its subscriptions, by the model's keys.
         task: instruction in natural language.
         execution, compute: of the file.
         reads_task: it does nothing without a task.
-        interventions: topics of the actuators that it commands, which say whether a person has taken over.
+        interventions: topics of its actuators that report whether a person has taken over.
     """
 
     kind: Literal["model"] = "model"
@@ -176,12 +176,12 @@ class ModelFacts(NodeFacts):
 
 @dataclass(frozen=True)
 class ChosenEnvironment:
-    """What the file says about the environment of a training, checked.
+    """The environment of a training, checked.
 
     Attributes:
-        environment_id: such as ``joshua/SoArm100Reach-v0``; reward_function: one that it offers, never "".
-        num_envs: how many step at once; seed: of the first one, None for none in particular.
-        make: import string of what makes it, see ``EnvironmentSpec``.
+        environment_id: such as ``joshua/SoArm100Reach-v0``; reward_function: one of its rewards, never "".
+        num_envs: number of parallel environments; seed: of the first one, None for a random one.
+        make: import string of its factory, see ``EnvironmentSpec``.
     """
 
     environment_id: str
@@ -193,15 +193,15 @@ class ChosenEnvironment:
 
 @dataclass(frozen=True, kw_only=True)
 class ServiceFacts(NodeFacts):
-    """What the node of a service is told.
+    """Facts of a service's node.
 
     Attributes:
-        folder: of the configuration, at which relative paths start.
-        physics_socket: where a simulation answers to emulated devices; "" where it need not.
-        environment: that a trainer learns in; None where it needs none.
-        features: of a data store: what the robot shows and does, each with its topic.
+        folder: of the configuration, to which paths are relative.
+        physics_socket: of a simulation for emulated devices; "" for none.
+        environment: of a trainer; None if it needs none.
+        features: of a data store: observations and actions of the robot, with their topics.
         arms: ranges of the joints by the key of a feature, such as ``observation.state`` and ``action``.
-        commands: topic that commands the arm of an ``action``, by the key of that feature.
+        commands: command topic of the arm of an ``action``, by the key of that feature.
         robot_type: ``general.robot_type``.
     """
 

@@ -1,4 +1,4 @@
-"""One thing that a robot shows or does, described as data sets, models and environments describe it."""
+"""An observation or action of a robot, in the terms of data sets, models and environments."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ INTERVENTION = "intervention"
 
 @dataclass(frozen=True)
 class Feature:
-    """One part of a frame.
+    """A part of a frame.
 
     Attributes:
         key: LeRobot's name, such as ``observation.state``, ``observation.images.top`` or ``action``.
         dtype: numpy's name of the type of its values: ``float32`` for numbers, ``uint8`` for pictures.
-        shape: of one value; pictures are (H, W, 3), RGB. 0 stands for a length that only the device knows.
-        names: of the numbers, such as joints; () where they have none.
+        shape: of one value; pictures are (H, W, 3), RGB. 0 is a length that only the device knows.
+        names: of the numbers, such as joints; () if they have none.
         unit: of the numbers, such as ``rad``; "" for none.
-        topic: that carries it; "" where no topic does.
+        topic: that publishes it; "" for none.
     """
 
     key: str
@@ -37,10 +37,10 @@ class Feature:
 
     @classmethod
     def joints(cls, key: str, names: tuple[str, ...], *, unit: str = "rad", topic: str = "") -> Feature:
-        """Positions of joints, one number for each."""
+        """Return a feature of joint positions, one number per joint."""
         return cls(key, "float32", (len(names),), names, unit, topic)
 
     @classmethod
     def picture(cls, key: str, height: int, width: int, *, topic: str = "") -> Feature:
-        """A picture; sizes in pixels."""
+        """Return a feature of pictures, with sizes in pixels."""
         return cls(key, "uint8", (height, width, 3), ("height", "width", "channels"), topic=topic)

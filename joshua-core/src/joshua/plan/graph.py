@@ -1,7 +1,7 @@
-"""What a file says about the robot: its nodes, the topics between them, who drives whom, its services.
+"""The robot described by a file: its nodes, their topics, commanders and services.
 
-One graph is built after loading, includes, overrides and amendments; checks, planner, `joshua plan` and
-`joshua explain` read it. It holds the configuration's own blocks and must not change them.
+One graph is built after loading, includes, overrides and amendments. Checks, planner, `joshua plan` and
+`joshua explain` read it. It references the blocks of the configuration and must not change them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class NodeEntry:
 
     Attributes:
         path: field path of the ``node`` block, such as ``robot.actions[0].node``.
-        owner_path: field path of the entry that holds it, such as ``robot.actions[0]``.
+        owner_path: field path of its entry, such as ``robot.actions[0]``.
         owner: that entry: SingleAction, SinglePerception or SingleModel.
         node: the block itself.
     """
@@ -38,7 +38,7 @@ class NodeEntry:
 
     @property
     def namespace(self) -> str:
-        """Namespace with a leading and without a trailing slash; "/" for the root."""
+        """Namespace with a leading slash and no trailing slash; "/" for the root."""
         return "/" + self.node.ros_namespace.strip("/")
 
     @property
@@ -53,7 +53,7 @@ class NodeEntry:
 
     @property
     def applied_command_topic(self) -> str:
-        """Where an actuator publishes the goals that it wrote, after ramp and limits."""
+        """Topic on which an actuator publishes its written goals, after ramp and limits."""
         return f"{self.full_name}/applied_command"
 
     @property
@@ -77,14 +77,14 @@ class Endpoint:
     """One publisher or subscription of a node block.
 
     Attributes:
-        entry: the node block that holds it.
+        entry: its node block.
         path: field path, such as ``robot.actions[0].node.publishers[0]``.
         block: the Publisher or Subscription message.
-        is_publisher: which of the two it is.
+        is_publisher: whether it is a publisher.
         topic: fully qualified topic name.
-        qos: the profile in force; a subscription without one carries what its publishers have in common.
-        qos_path: field path of the block that gave the profile; "" where none did.
-        is_named: the topic name is one that ROS 2 takes.
+        qos: the effective profile. A subscription without one gets what its publishers have in common.
+        qos_path: field path of the block that set the profile; "" for none.
+        is_named: the topic name is valid in ROS 2.
     """
 
     entry: NodeEntry
@@ -98,7 +98,7 @@ class Endpoint:
 
     @property
     def is_command(self) -> bool:
-        """Whether this is the subscription by which an actuator is commanded."""
+        """Whether this subscription receives commands of an actuator."""
         return not self.is_publisher and self.entry.is_actuator and self.block.data_type in COMMAND_TYPES
 
 
@@ -107,9 +107,9 @@ class ServiceTopic:
     """A topic that a service publishes or subscribes to.
 
     Attributes:
-        name: fully qualified, or below the node as in ``~/progress``; type_name: ROS 2 type.
-        rate_hz: of a publisher; 0 where it has none.
-        qos: None takes the default, for a subscription what the topic's publishers have in common.
+        name: fully qualified, or relative to the node as in ``~/progress``; type_name: ROS 2 type.
+        rate_hz: of a publisher; 0 for none.
+        qos: None for the default; for a subscription, what the topic's publishers have in common.
     """
 
     name: str
@@ -121,7 +121,7 @@ class ServiceTopic:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GraphService:
-    """A service that the mode runs beside the devices: its name, the block that asks for it, its topics."""
+    """A service that the mode runs beside the devices: its name, the block that requests it, its topics."""
 
     name: str
     path: str
@@ -135,7 +135,7 @@ class RobotGraph:
     Attributes:
         entries: every node block of actions, perceptions and models, in the order of the file.
         endpoints: their publishers, then their subscriptions.
-        services: of the file's mode; () where the mode is not known.
+        services: of the file's mode; () if the mode is unknown.
         replays: a recording commands the actuators.
     """
 
@@ -178,11 +178,11 @@ class RobotGraph:
         return _grouped((item.entry.path, item) for item in self.usable)
 
     def of_entry(self, entry: NodeEntry) -> list[Endpoint]:
-        """The usable endpoints of one node."""
+        """The usable endpoints of a node."""
         return self._by_entry.get(entry.path, [])
 
     def commands(self, entry: NodeEntry) -> list[Endpoint]:
-        """Subscriptions by which an actuator takes commands."""
+        """Subscriptions that receive commands of actuators."""
         return [item for item in self.of_entry(entry) if item.is_command]
 
     def is_external(self, entry: NodeEntry) -> bool:
@@ -207,7 +207,7 @@ class RobotGraph:
     def published(self) -> dict[str, int]:
         """Topics that the run publishes, and their types.
 
-        That is what its nodes name, what an actuator adds by itself, and what a replay commands.
+        Includes those of its nodes, the automatic ones of actuators, and the commands of a replay.
         """
         names = dict(self.published_by_nodes)
         for entry in self.actuators:
@@ -221,7 +221,7 @@ class RobotGraph:
 
     @cached_property
     def all_published(self) -> bool:
-        """Whether the topic of every publisher is known; else nothing can be called unpublished."""
+        """Whether the topics of all publishers are known. If not, no topic counts as unpublished."""
         return all(item.is_named for item in self.endpoints if item.is_publisher)
 
     def commanders(self, entry: NodeEntry) -> list[Endpoint]:
@@ -231,13 +231,13 @@ class RobotGraph:
         return [item for item in others if item.is_publisher and item.topic in topics]
 
     def intervention_topic(self, entry: NodeEntry) -> str:
-        """Where an actuator says whether a person has taken over from a model; "" where nobody can."""
+        """Topic that reports whether a person has taken over from a model; "" if no person can."""
         sources = self.commanders(entry) if entry.is_actuator else []
         can = any(item.block.override for item in sources) and any(item.entry.is_model for item in sources)
         return f"{entry.full_name}/intervention" if can else ""
 
     def driven_by(self, entry: NodeEntry) -> list[NodeEntry]:
-        """The actuators that subscribe to what a node publishes, once for each subscription."""
+        """The actuators that subscribe to a node's topics, once for each subscription."""
         topics = {item.topic for item in self._of(entry) if item.is_publisher}
         readers = (item for item in self.endpoints if not item.is_publisher and item.entry.is_actuator)
         return [item.entry for item in readers if item.topic in topics]

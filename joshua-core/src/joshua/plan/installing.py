@@ -1,7 +1,7 @@
-"""How to install a distribution: from where this core comes from, never by a name that an index may lack.
+"""How to install a distribution: from the origin of this core, never by a name that an index may lack.
 
-In a clone nothing of this project is taken from a package index, where its names may be somebody else's. An
-index is named only if the core itself came from one.
+In a clone, no distribution of this project is installed from a package index, where its names may belong to
+others. An index is offered only if the core itself came from one.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def origin(distribution: str = CORE) -> str | None:
 
 @cache
 def clone() -> Path | None:
-    """The root of the clone that this core is installed from; None where it comes from a package."""
+    """The root of the clone that this core is installed from; None if it comes from a package."""
     from urllib.parse import unquote, urlsplit
 
     places = [Path(__file__).resolve().parents[4]]
@@ -42,7 +42,7 @@ def clone() -> Path | None:
 
 
 def install(distribution: str, extra: str = "") -> str:
-    """The command that installs a distribution, with one of its extras; or, if there is none, what to do."""
+    """The command that installs a distribution, with an extra; or what to do if there is none."""
     root, wanted = clone(), f"{distribution}[{extra}]" if extra else distribution
     if not distribution.startswith(PREFIX) or (root is None and origin() == ""):
         return f"pip install {shlex.quote(_origin_of(distribution) or wanted)}"
@@ -72,17 +72,17 @@ def has_extra(distribution: str, extra: str) -> bool:
 
 
 def requires(distribution: str) -> str:
-    """The end of a message that something needs a plugin: which one, and how to install it."""
+    """The end of a message about a missing plugin: its name, and how to install it."""
     return f"requires the plugin {distribution}, which is not installed: {install(distribution)}"
 
 
 def is_offered(distribution: str) -> bool:
-    """Whether there is a distribution of this name to install, as far as this machine can tell."""
+    """Whether a distribution of this name can be installed, as far as known on this machine."""
     return clone() is None or is_cloned(distribution) or not distribution.startswith(PREFIX)
 
 
 def hints(distributions: Iterable[str]) -> list[str]:
-    """One line with the command that installs several distributions, one on those that do not exist yet."""
+    """One line with the command for several distributions, and one for those that do not exist."""
     named = list(distributions)
     wanted = [name for name in named if is_offered(name)]
     lines = [f"not available yet: {', '.join(sorted(set(named) - set(wanted)))}"] if wanted != named else []
@@ -96,27 +96,27 @@ def hints(distributions: Iterable[str]) -> list[str]:
 
 
 def reinstall(distribution: str) -> str:
-    """The command that installs a broken distribution anew."""
+    """The command that reinstalls a broken distribution."""
     if is_cloned(distribution):
         return f"pip install --force-reinstall --no-deps {target(distribution)}"
     return install(distribution).replace("pip install", "pip install --force-reinstall", 1)
 
 
 def upgrade(distribution: str) -> str:
-    """The command that brings a distribution up to date with the core."""
+    """The command that updates a distribution to match the core."""
     if is_cloned(distribution):
         return f"git pull && {install(distribution)}"
     return install(distribution).replace("pip install", "pip install --upgrade", 1)
 
 
 def target(distribution: str) -> str:
-    """What pip is to be given for a distribution: its folder in the clone, else its name."""
+    """The argument of pip for a distribution: its folder in the clone, else its name."""
     root = clone()
     return f"-e {_shown(_folder(root, distribution))}" if root and is_cloned(distribution) else distribution
 
 
 def is_cloned(distribution: str) -> bool:
-    """Whether the clone that this core is installed from holds a distribution."""
+    """Whether the clone of this core contains a distribution."""
     root = clone()
     return root is not None and distribution.startswith(PREFIX) and _folder(root, distribution).is_dir()
 
@@ -134,7 +134,7 @@ def _folder(root: Path, distribution: str) -> Path:
 
 
 def _shown(path: Path) -> str:
-    """A path as the user can type it: from the present folder where that leads down, else in full."""
+    """A path for the user to type: relative if it is below the current folder, else absolute."""
     try:
         relative = os.path.relpath(path)
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""A joint as the plan knows it, without a connection to its device."""
+"""A joint in the plan, known without a connection to its device."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class JointRange:
-    """One joint: its name, and the ends of its range in radians."""
+    """A joint: its name and its range in radians."""
 
     name: str
     min_rad: float

@@ -1,4 +1,4 @@
-"""Names of a module that are imported at their first use."""
+"""Names of a module that are imported at first use."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from typing import Any
 def lazy_names(
     package: str, *tables: Mapping[str, Iterable[str]]
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Makes ``__getattr__`` and ``__dir__`` of a module.
+    """Return ``__getattr__`` and ``__dir__`` for a module.
 
     Args:
-        package: ``__name__`` of the module; tables: names by the module that has them, submodules included.
+        package: ``__name__`` of the module; tables: names by their module, including submodules.
     """
     module_of = {name: module for table in tables for module, names in table.items() for name in names}
 
@@ -32,13 +32,13 @@ def lazy_names(
 
 
 def sections(path: str) -> dict[str, dict[str, tuple[str, ...]]]:
-    """Read the names of a lazy module from the stub beside it, which type checkers read as well.
+    """Read the names of a lazy module from its stub, which type checkers also read.
 
     Args:
         path: ``__file__`` of the module.
 
     Returns:
-        Names by the heading (a comment) that they stand under, and by their module.
+        Names by their heading (a comment) and their module.
     """
     found: dict[str, dict[str, tuple[str, ...]]] = {}
     for line in Path(path).with_suffix(".pyi").read_text(encoding="utf-8").splitlines():

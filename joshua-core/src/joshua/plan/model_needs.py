@@ -1,4 +1,4 @@
-"""How a model is carried out, where it computes, and what it needs of the robot, known before loading."""
+"""Execution, compute and requirements of a model, known before it is loaded."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from joshua.plan.feature import Feature
 
 @dataclass(frozen=True)
 class Execution:
-    """The block ``execution`` of a model, see ``ModelExecution`` of the schema; None is left to the loop."""
+    """The block ``execution`` of a model, see ``ModelExecution`` in the schema. The loop chooses for None."""
 
     strategy: str = "REPLACE_ON_ARRIVAL"
     steps_per_chunk: int | None = None
@@ -28,7 +28,7 @@ class Execution:
 
 @dataclass(frozen=True)
 class Compute:
-    """The block ``compute`` of a model, see ``ModelCompute`` of the schema; a seed of None is any."""
+    """The block ``compute`` of a model, see ``ModelCompute`` in the schema. A seed of None is random."""
 
     device: str = "auto"
     precision: str = "float32"
@@ -39,18 +39,19 @@ class Compute:
 
 @dataclass(frozen=True)
 class ModelNeeds:
-    """What a model needs of the robot and can do, told without loading it.
+    """Requirements and abilities of a model, known without loading it.
 
     Attributes:
-        features: that each observation must hold, by the model's own keys; a side of a picture that is 0
-            may be any, and a feature without names may have any. None: not known before the model is loaded.
-        action: joints that it commands, in its order and unit; None: not known.
-        reads_state: it gets the state of the joints that it commands, even if the file subscribes to none.
+        features: required in each observation, by the model's keys. A picture side of 0 and missing names
+            match any. None: unknown before the model is loaded.
+        action: joints that it commands, in its order and unit; None: unknown.
+        reads_state: it receives the state of the joints that it commands, even if the file subscribes to
+        none.
         reads_task: it does nothing without a task.
         supports_rtc: it has ``continue_chunk``, for REAL_TIME_CHUNKING.
-        chunk_steps: length of its chunks; 0: not known. rate_hz: of the steps, 0 for any.
-        ranges: least and greatest values of joints in its training, by key and in the unit of the feature.
-        source: what says so, such as a ``config.json``, for messages.
+        chunk_steps: length of its chunks; 0: unknown. rate_hz: of the steps, 0 for any.
+        ranges: minimum and maximum of joints in its training, by key and in the unit of the feature.
+        source: origin of these values, such as a ``config.json``, for messages.
         libraries: modules that it imports when it is loaded, which the check looks for and does not import.
         install: what to do where one is missing, one imperative sentence.
     """

@@ -18,15 +18,15 @@ class TlsSpec(Value):
 
 
 class TransportSettings(Value):
-    """Which transport carries the topics, and where it may be reached.
+    """The transport of the topics, and its addresses.
 
     Attributes:
         kind: name of the transport, such as ``zenoh`` or ``dds``.
         reason: why it was chosen, for the start-up table.
         implementation, prepare, limits: of its ``TransportSpec``; "" if it is not installed.
-        domain_id: ROS 2 domain; distro: ROS 2 distribution whose wire conventions hold.
+        domain_id: ROS 2 domain; distro: ROS 2 distribution whose wire conventions apply.
         listen_endpoints, connect_endpoints: Zenoh router; network_interface, peers: DDS.
-        discovery_range: value of ROS_AUTOMATIC_DISCOVERY_RANGE in force.
+        discovery_range: effective value of ROS_AUTOMATIC_DISCOVERY_RANGE.
     """
 
     kind: str = "zenoh"
@@ -45,14 +45,14 @@ class TransportSettings(Value):
 
 
 class Plan(Value):
-    """What one run starts, in start order.
+    """The nodes of one run, in start order.
 
     Attributes:
         source: path of the configuration file; mode: ``MODE_…``; robot_id: ``general.id``.
-        nodes: in start order; transport: how they talk.
-        duration_s: length after which the run shuts down cleanly; None runs until stopped.
+        nodes: in start order; transport: of their topics.
+        duration_s: the run shuts down cleanly after this time; None: it runs until stopped.
         verdict: the run ends with a pass/fail table of what each node measured.
-        findings: warnings and notes that the start-up table shows.
+        findings: warnings and notes in the start-up table.
     """
 
     source: str

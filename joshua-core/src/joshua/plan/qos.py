@@ -10,9 +10,9 @@ _STRONGER = {"reliability": "RELIABLE", "durability": "TRANSIENT_LOCAL", "liveli
 
 @dataclass(frozen=True)
 class QosProfile:
-    """ROS 2 quality of service; the defaults are the specification's (and ROS 2's).
+    """ROS 2 quality of service. The defaults are those of ROS 2.
 
-    Durations are in seconds; 0 means that none is set.
+    Durations are in seconds; 0 if not set.
     """
 
     reliability: Literal["RELIABLE", "BEST_EFFORT"] = "RELIABLE"
@@ -26,7 +26,7 @@ class QosProfile:
 
 
 class QosClash(NamedTuple):
-    """A setting in which a publisher offers less than a subscription requests."""
+    """A setting of which a publisher offers less than a subscription requests."""
 
     field: str
     offered: str
@@ -34,9 +34,9 @@ class QosClash(NamedTuple):
 
 
 def qos_clashes(offered: QosProfile, requested: QosProfile) -> list[QosClash]:
-    """Why a publisher does not serve a subscription; empty if it does.
+    """Why a publisher is incompatible with a subscription; empty if it is compatible.
 
-    Source: OMG DDS 1.4, section 2.2.3, and the ROS 2 documentation, «QoS compatibilities».
+    Source: OMG DDS 1.4, section 2.2.3, and the ROS 2 documentation, "QoS compatibilities".
     """
     found = [
         QosClash(field, getattr(offered, field), stronger)
@@ -45,7 +45,7 @@ def qos_clashes(offered: QosProfile, requested: QosProfile) -> list[QosClash]:
     ]
     for field in ("deadline_s", "lease_duration_s"):
         offer, request = getattr(offered, field), getattr(requested, field)
-        # 0 stands for no limit, the longest there is
+        # 0 means no limit, which is the longest
         if request > 0 and not 0 < offer <= request:
             found.append(QosClash(field, f"{offer:g} s" if offer > 0 else "none", f"{request:g} s"))
     return found

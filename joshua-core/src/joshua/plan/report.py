@@ -1,4 +1,4 @@
-"""What a run was like: figures and results of every node, as values."""
+"""The report of a run: figures and results of every node, as values."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Value(BaseModel):
 
 
 class TimerReport(Value):
-    """Cadence of one timer; jitter is the distance of a tick from its time on the monotonic clock."""
+    """Figures of one timer. Jitter is the deviation of a tick from its time on the monotonic clock."""
 
     name: str
     period_s: float
@@ -28,9 +28,9 @@ class TimerReport(Value):
 
 
 class TopicReport(Value):
-    """Traffic of one endpoint; ``configured_hz`` is 0 for a subscription.
+    """Traffic of one endpoint. ``configured_hz`` is 0 for a subscription.
 
-    Jitter is the distance of a publisher's intervals from its configured period; 0 where none is configured.
+    Jitter is the deviation of a publisher's intervals from its configured period; 0 if none is configured.
     """
 
     name: str
@@ -45,7 +45,7 @@ class TopicReport(Value):
 
 
 class CheckResult(Value):
-    """One line of the pass/fail table of MODE_TEST: what was checked, how it went, what was measured."""
+    """One line of the pass/fail table of MODE_TEST: the check, its result and the measurement."""
 
     check: str
     passed: bool
@@ -53,13 +53,13 @@ class CheckResult(Value):
 
 
 class JointTrace(Value):
-    """How one joint moved during a test; all series but the temperature's have one value for each time.
+    """The motion of one joint during a test. All series except the temperature have one value per time.
 
     Attributes:
         time_s: since the first sample.
-        goal_rad: what was written, None where nothing commanded the joint; position_rad: what was read next.
-        effort: as the state carries it, a fraction of stall torque or N·m.
-        temperature_c: pairs of time and temperature, about one a second; empty where nobody measures it.
+        goal_rad: written goal, None if nothing commanded the joint; position_rad: the next reading.
+        effort: as in the joint state, a fraction of stall torque or N·m.
+        temperature_c: pairs of time and temperature, about one per second; empty if not measured.
     """
 
     joint: str
@@ -76,8 +76,8 @@ class NodeReport(Value):
     Attributes:
         full_name: fully qualified node name.
         state: ``ready`` while it runs, at the end ``stopped`` (cleanly), ``failed`` or ``killed``.
-        reason: why it failed; "" where it did not.
-        restarts: how often it was restarted; last_failure: why it was, the last time.
+        reason: why it failed; "" if it did not.
+        restarts: number of restarts; last_failure: reason of the last one.
     """
 
     full_name: str
@@ -93,7 +93,7 @@ class NodeReport(Value):
 
     @property
     def restarted(self) -> str:
-        """How often it was restarted and why, such as ``restarted once: it hung``; "" if never."""
+        """Number and reason of restarts, such as ``restarted once: it hung``; "" if never."""
         if not self.restarts:
             return ""
         times = "once" if self.restarts == 1 else f"{self.restarts} times"
@@ -107,11 +107,11 @@ class RunReport(Value):
         exit_code: of the contract (0, 1, 3, 4, 130).
         reason: why the run ended, one sentence.
         interrupted: whether a signal or ``joshua stop`` ended it, and it shut down cleanly.
-        judged: whether a table of checks follows, which may make an exit code of 0 another one.
+        judged: whether a table of checks follows, which may change an exit code of 0.
         ready_s: from the start to the last ready report; None if that was not reached.
         first_message_s: from the start to the first message that a subscription received.
         stop_s: from the stop request to the last exit.
-        log: path of the log file, beside which further results of the run may lie; "" for none.
+        log: path of the log file. Further results may be stored beside it; "" for none.
     """
 
     exit_code: int
@@ -126,12 +126,12 @@ class RunReport(Value):
 
     @property
     def headline(self) -> str:
-        """The reason without those of the nodes, for a table that names these."""
+        """The reason without those of the nodes, for a table that lists them."""
         return without_reasons(self.reason, ((node.full_name, node.reason) for node in self.nodes))
 
 
 def without_reasons(text: str, reasons: Iterable[tuple[str, str]]) -> str:
-    """Cut the reasons of nodes out of a sentence: «failed: /arm: no such port» ends after the name."""
+    """Cut the reasons of nodes out of a sentence: "failed: /arm: no such port" ends after the name."""
     for name, reason in reasons:
         if reason:
             text = text.replace(f"{name}: {reason.rstrip('.')}", name)

@@ -1,1 +1,1 @@
-"""From a checked configuration to a plan: which nodes start, and what each is told."""
+"""From a checked configuration to a plan: the nodes and their facts."""

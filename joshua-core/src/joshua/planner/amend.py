@@ -1,7 +1,7 @@
 """``--sim`` and ``--emulate`` as functions from a loaded configuration to a loaded configuration.
 
-They start nothing: a plan with both can be shown on any machine. The emulators' processes and the folder of
-the coupling socket belong to the command that runs the file.
+They start nothing, so a plan with both can be shown on any machine. The command that runs the file owns the
+emulators' processes and the folder of the coupling socket.
 """
 
 from __future__ import annotations
@@ -42,11 +42,12 @@ class NoSimulatorError(SimAdapterError):
 
 @dataclass(frozen=True)
 class Simulated:
-    """A configuration whose devices are part of the simulation.
+    """A configuration with simulated devices.
 
     Attributes:
         loaded: the configuration; names: nodes whose devices are simulated.
-        coupled: emulated devices whose joints the simulation moves or whose pictures it draws, by node name.
+        coupled: emulated devices whose joints the simulation moves or whose pictures it renders, by node
+        name.
         real: nodes whose devices stay real.
     """
 
@@ -59,10 +60,10 @@ class Simulated:
 def simulate(
     loaded: LoadedConfig, registry: Registry, *, emulated: bool = False, calibrations: str = ""
 ) -> Simulated:
-    """Put simulated devices in place of the real ones.
+    """Replace real devices by simulated ones.
 
     Args:
-        emulated: devices are emulated, and the simulation only moves their joints and draws their pictures.
+        emulated: devices are emulated, and the simulation only moves their joints and renders their pictures.
         calibrations: file of the simulated arms' calibrations; "" for none.
 
     Raises:
@@ -93,11 +94,11 @@ def simulate(
         take_calibrations(loaded, names, calibrations)
     replaced = {want.entry.path for want in chosen}
     real = () if emulated else tuple(_name(want) for want in physical if want.entry.path not in replaced)
-    return Simulated(replace(loaded), names, coupled, real)  # a copy, whose graph is made anew
+    return Simulated(replace(loaded), names, coupled, real)  # a copy, whose graph is rebuilt
 
 
 def physical_nodes(loaded: LoadedConfig, registry: Registry) -> list[Wanted]:
-    """The devices that the mode starts and that are not virtual already."""
+    """The devices that the mode starts, except virtual ones."""
     mode = mode_of(loaded.config, registry)
     wanted = wanted_nodes(loaded.graph, devices=mode.devices, models=False)
     return [want for want in wanted if want.block_name and not _is_virtual(registry, want)]
@@ -105,7 +106,7 @@ def physical_nodes(loaded: LoadedConfig, registry: Registry) -> list[Wanted]:
 
 def _is_virtual(registry: Registry, want: Wanted) -> bool:
     spec = registry.find(want.kind, want.block_name, want.enum_value)
-    if spec is None:  # the schema knows those of plugins that are not installed
+    if spec is None:  # the schema also has those of missing plugins
         rule = None if want.block is None else block_rule(want.block.DESCRIPTOR)
         return rule is not None and rule.virtual
     return isinstance(spec, DeviceSpec) and spec.virtual
@@ -122,7 +123,7 @@ def _copy(loaded: LoadedConfig) -> LoadedConfig:
 
 
 def _fits(registry: Registry, want: Wanted, *, emulated: bool) -> bool:
-    """Whether the simulation can replace a device, or move and show it where it is emulated."""
+    """Whether the simulation can replace a device or, if it is emulated, move and show it."""
     if not (want.kind is ActuatorSpec or _is_camera(want)):
         return False
     if not emulated:
@@ -135,7 +136,7 @@ def _fits(registry: Registry, want: Wanted, *, emulated: bool) -> bool:
 
 
 def _is_camera(want: Wanted) -> bool:
-    """Whether a sensor is a real camera; others have no place in the simulation."""
+    """Whether a sensor is a real camera. Other sensors are not simulated."""
     rule = None if want.block is None else block_rule(want.block.DESCRIPTOR)
     return rule is not None and "PERCEPTION_CAMERA" in rule.fits and not rule.virtual
 
@@ -148,7 +149,7 @@ def _device(config: pb.Config, registry: Registry, want: Wanted) -> RealDevice:
 
 
 def _joint_names(config: pb.Config, registry: Registry, want: Wanted) -> tuple[str, ...]:
-    """The joints of an actuator: its settings know them, without its plugin the ids in its block count."""
+    """The joints of an actuator, from its settings or, without its plugin, the ids in its block."""
     calibration = next((arm for arm in config.calibration.arms if arm.node_name == _name(want)), None)
     spec = registry.find(want.kind, want.block_name, want.enum_value)
     if spec is not None and want.block is not None:
@@ -169,9 +170,9 @@ def _joint_names(config: pb.Config, registry: Registry, want: Wanted) -> tuple[s
 
 
 def take_calibrations(loaded: LoadedConfig, names: Iterable[str], path: str) -> None:
-    """Put the calibrations of simulated arms in place of those of the real ones, which are not theirs.
+    """Replace the calibrations of real arms by those of the simulated ones.
 
-    An arm that the file itself describes as simulated keeps its own where the file has none for it.
+    An arm that the file declares as simulated keeps its own, if there is none for it in ``path``.
 
     Args:
         loaded: a copy, which is changed; names: of the nodes that became part of the simulation.
@@ -196,7 +197,7 @@ def take_calibrations(loaded: LoadedConfig, names: Iterable[str], path: str) -> 
 
 
 def without_emulator(loaded: LoadedConfig, registry: Registry) -> list[Diagnostic]:
-    """Devices that nothing emulates: one finding for all of one block."""
+    """Devices without an emulator: one finding per kind of block."""
     by_block: dict[str, list[Wanted]] = {}
     for want in physical_nodes(loaded, registry):
         if registry.find(EmulatorSpec, want.block_name) is None:
@@ -224,12 +225,12 @@ def _remedy(registry: Registry, block: str) -> str:
     if row is not None and row.status is PluginStatus.BLOCKED:
         return f"Leave --block-plugin {row.name} out, or leave the device out of the file."
     if row is not None and row.status is not PluginStatus.OK:
-        return f"See what `joshua plugins` says of {emulator}, or leave the device out of the file."
+        return f"Look up {emulator} in `joshua plugins`, or leave the device out of the file."
     return "Leave the device out of the file, or ask its vendor for a plugin with an emulator."
 
 
 def unstarted_emulators(loaded: LoadedConfig, registry: Registry) -> list[DeviceEmulator]:
-    """The emulators of a file's devices, none of them started, for a plan that only shows them."""
+    """The emulators of a file's devices, not started, for showing a plan."""
     found: list[DeviceEmulator] = []
     for want in physical_nodes(loaded, registry):
         spec = registry.find(EmulatorSpec, want.block_name)
@@ -245,10 +246,10 @@ def unstarted_emulators(loaded: LoadedConfig, registry: Registry) -> list[Device
 def emulate(
     loaded: LoadedConfig, emulators: Iterable[DeviceEmulator], *, started: bool = True
 ) -> LoadedConfig:
-    """Put the endpoints of emulators, and the calibrations that they bring, in place of the devices'.
+    """Replace the endpoints and calibrations of devices by those of their emulators.
 
     Args:
-        started: whether the emulators run; those that do not only say that the device is emulated.
+        started: whether the emulators run. Those that do not only mark the device as emulated.
     """
     loaded = _copy(loaded)
     by_name = {emulator.device.node_name: emulator for emulator in emulators}
@@ -260,7 +261,7 @@ def emulate(
         container = getattr(want.entry.owner, want.block_path.rpartition(".")[2])
         if want.block is container:
             emulator.amend(container)
-        else:  # an Any block is opened, changed and closed again
+        else:  # an Any block is unpacked, changed and packed again
             _, message = unpack(container)
             emulator.amend(message)
             container.Pack(message)

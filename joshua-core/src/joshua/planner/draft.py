@@ -1,4 +1,4 @@
-"""A checked configuration on its way to a plan, and what planning finds about it."""
+"""A checked configuration during planning, with the findings of planning."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 
 class Draft(Context):
-    """What the steps of planning work on.
+    """The state of the planning steps.
 
     Attributes:
-        registry: the installed plugins; request: what the user asked for; mode: that of the file.
+        registry: the installed plugins; request: of the user; mode: of the file.
         graph: with the services of the mode, once they are resolved.
         findings: problems that planning has found.
-        joints: of each actuator by the field path of its node block; () where its plugin does not say.
+        joints: of each actuator by the field path of its node block; () if unknown.
     """
 
     def __init__(self, loaded: LoadedConfig, registry: Registry, request: Request) -> None:
@@ -42,14 +42,14 @@ class Draft(Context):
     def settings(
         self, spec: PluginSpec, block: Any, path: str, context: BlockContext, node: pb.Node | None = None
     ) -> Any:
-        """Make the settings model of a block; broken rules become findings.
+        """Make the settings model of a block. Broken rules become findings.
 
         Returns:
-            None where the plugin declares no settings, and where a rule is broken.
+            None if the plugin declares no settings or a rule is broken.
         """
         if block is None or not spec.settings:
             return None
-        # Imported here because it needs pydantic, which a file without such a block need not wait for.
+        # Imported here because it requires pydantic, which a file without such a block does not need.
         from joshua.plugins.settings import make_settings
 
         settings, problems = make_settings(

@@ -1,4 +1,4 @@
-"""Which environment a training block chooses: checked against what the installed plugins offer."""
+"""Chooses the environment of a training block, from those of the installed plugins."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ Offers = Sequence[tuple[Environment, EnvironmentSpec]]
 
 
 def choose_environment(draft: Draft) -> ChosenEnvironment | None:
-    """Choose the environment of ``ai.training`` by its id, else by its reward; problems become findings.
+    """Choose the environment of ``ai.training`` by its id, else by its reward. Problems become findings.
 
     Returns:
-        None where the training needs none, and where none can be told.
+        None if the training needs none, or if it cannot be determined.
     """
     training, simulation = draft.config.ai.training, draft.config.simulation
     if not draft.config.ai.HasField("training") or training.environment != pb.ENV_SIMULATION:
@@ -32,7 +32,7 @@ def choose_environment(draft: Draft) -> ChosenEnvironment | None:
     if training.method not in (pb.METHOD_RL, pb.METHOD_EVAL) or training.HasField("plugin_config"):
         return None
     if any(map(draft.loaded.positions.is_broken, (_BACKEND, _ID, _REWARD))):
-        return None  # loading has said so, and what was meant is not known
+        return None  # loading has reported it, and the intended value is unknown
     found = _chosen(draft, training)
     if not isinstance(found, tuple):
         draft.findings += [found] if found is not None else []
@@ -50,13 +50,13 @@ def choose_environment(draft: Draft) -> ChosenEnvironment | None:
 
 
 def _chosen(draft: Draft, training: pb.Training) -> tuple[Environment, EnvironmentSpec] | Diagnostic | None:
-    """The environment that fits, or why none does; None where none is asked for."""
+    """The matching environment, or why none matches; None if none is requested."""
     backend, wanted = training.simulator_backend, training.environment_id
     reward = training.rl_config.reward_function
     offers = draft.registry.environments(pb.SimulatorBackend.Name(backend) if backend else "")
     if not offers:
         if not wanted or backend not in (0, pb.BACKEND_MJX, pb.BACKEND_MUJOCO):
-            return None  # only an id that is named is certain to need one
+            return None  # only an explicit id certainly needs one
         message = draft.registry.missing(wanted, EnvironmentSpec, "simulation")
         return draft.missing("plugin-missing", message, _ID, remedy="Install the plugin that offers it")
     if wanted:
@@ -66,7 +66,7 @@ def _chosen(draft: Draft, training: pb.Training) -> tuple[Environment, Environme
     elif backend and training.method != pb.METHOD_EVAL:
         return _needed(draft, offers)
     else:
-        return None  # the checkpoint may know where it was trained; a missing backend is reported by a check
+        return None  # the checkpoint may name its environment; a check reports a missing backend
     if not fitting:
         if wanted:
             ids = [environment.id for environment, _ in offers]

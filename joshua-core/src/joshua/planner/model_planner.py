@@ -1,4 +1,4 @@
-"""What the entry of a model says beside its block, and whether the robot gives the model what it needs."""
+"""Plans models: their facts from the entry, and whether the robot meets their needs."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 def model_context(draft: Draft, entry: NodeEntry) -> ModelContext:
-    """What settings of a model are made from beside the block."""
+    """Input for the settings of a model beside its block."""
     from joshua.plugins.block_values import block_values
 
     owner, path = entry.owner, f"{entry.owner_path}.pretrained_model_name_or_path"
@@ -51,14 +51,14 @@ def model_context(draft: Draft, entry: NodeEntry) -> ModelContext:
 
 
 def needs_of(item: Resolved) -> ModelNeeds:
-    """What a model needs, as its settings know it. Raises FieldError."""
-    from joshua.plugins.settings import ModelSettings  # needs pydantic, as the settings did
+    """The needs of a model, from its settings. Raises FieldError."""
+    from joshua.plugins.settings import ModelSettings  # requires pydantic, as the settings did
 
     return item.settings.needs() if isinstance(item.settings, ModelSettings) else ModelNeeds()
 
 
 def state_topics(draft: Draft, item: Resolved, needs: ModelNeeds) -> list[Endpoint]:
-    """The states of the actuators that a model commands, where it needs them and subscribes to none."""
+    """The states of the actuators that a model commands, if it needs them and subscribes to none."""
     graph, entry = draft.graph, item.want.entry
     if not needs.reads_state:
         return []
@@ -77,7 +77,7 @@ def state_topics(draft: Draft, item: Resolved, needs: ModelNeeds) -> list[Endpoi
 def model_facts(
     draft: Draft, item: Resolved, settings: Mapping[str, Any], common: dict[str, Any]
 ) -> ModelFacts:
-    """What the node of a model is told, with features by the model's own keys."""
+    """Facts of a model's node, with features by the model's keys."""
     from joshua.plugins.block_values import block_values
 
     owner, needs, graph = item.want.entry.owner, needs_of(item), draft.graph
@@ -96,7 +96,7 @@ def model_facts(
 
 
 def check_models(draft: Draft, nodes: Sequence[Resolved]) -> None:
-    """Find what models need and the robot does not give them."""
+    """Find needs of models that the robot does not meet."""
     settings = {item.want.entry.path: item.settings for item in nodes}
     for item in nodes:
         if item.want.entry.is_model and (item.settings is not None or not item.spec.settings):
@@ -152,7 +152,7 @@ def _as_trained(
 
 
 def _renamed(draft: Draft, item: Resolved, settings: Mapping[str, Any], needs: ModelNeeds) -> FeatureSet:
-    """The features of a model's subscriptions by its own keys. Raises ValueError."""
+    """The features of a model's subscriptions, by the model's keys. Raises ValueError."""
     names = {path: [joint.name for joint in joints] for path, joints in draft.joints.items()}
     entry = item.want.entry
     features = features_of(
@@ -171,9 +171,9 @@ def _renamed(draft: Draft, item: Resolved, settings: Mapping[str, Any], needs: M
 
 
 def with_compressed_pictures(draft: Draft, specs: Sequence[NodeSpec]) -> list[NodeSpec]:
-    """Send pictures from one machine to a model on another as JPEG, where the camera can make it.
+    """Send pictures to a model on another machine as JPEG, if the camera supports it.
 
-    The camera gets a further topic below its own, to which the model subscribes in place of the raw one.
+    The camera gets an additional topic, to which the model subscribes instead of the raw one.
     """
     entries = {entry.full_name: entry for entry in draft.graph.entries}
     hosts = {topic.name: spec for spec in specs for topic in spec.publishers if topic.type_name == _IMAGE}
@@ -202,7 +202,7 @@ def _with_topic(camera: NodeSpec, topic: TopicSpec) -> NodeSpec:
 
 
 def _instead(model: NodeSpec, name: str, topic: TopicSpec) -> NodeSpec:
-    """The node of a model with another topic in the place of one of its subscriptions."""
+    """The node of a model with one subscription replaced."""
     facts = model.facts_as(ModelFacts)
     features = tuple(replace(f, topic=topic.name) if f.topic == name else f for f in facts.features)
     own = topic.model_copy(update={"rate_hz": 0.0})

@@ -1,4 +1,4 @@
-"""The node specs of devices and models, with what each must know of the others."""
+"""The node specs of devices and models, with the facts that they need about each other."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def node_specs(draft: Draft, nodes: list[Resolved], physics: dict[str, Any] | No
     """Make the node specs of a configuration.
 
     Args:
-        physics: settings of the simulation; None where there is none.
+        physics: settings of the simulation; None if there is none.
     """
     settings = {item.want.entry.path: item.settings for item in nodes}
     without_native: dict[str, list[NodeEntry]] = {}
@@ -84,7 +84,7 @@ def _spec(draft: Draft, item: Resolved, facts: Facts) -> NodeSpec:
 
 
 def store_facts(draft: Draft, nodes: list[Resolved]) -> dict[str, Any]:
-    """What a data store is told of the robot: its features, its arms, and what commands them."""
+    """Facts of a data store about the robot: features, arms, and commanders."""
     graph, joints = draft.graph, draft.joints
     settings = {item.want.entry.path: item.settings for item in nodes}
     features = features_of(graph, _names(draft), settings).values()
@@ -112,7 +112,7 @@ def _names(draft: Draft) -> dict[str, list[str]]:
 
 
 def _interpreter(draft: Draft, entry: NodeEntry) -> str:
-    """The interpreter of a node; a relative path starts at the file that names it, as in the checks."""
+    """The interpreter of a node. A relative path starts at the file that contains it, as in the checks."""
     if not entry.node.python:
         return ""
     from joshua.config.input_paths import with_absolute_paths
@@ -132,7 +132,7 @@ def _topics(graph: RobotGraph, entry: NodeEntry, *, publishers: bool) -> Iterabl
 
 
 def _states(draft: Draft, item: Resolved) -> Iterable[TopicSpec]:
-    """The states that a model gets without a subscription in the file."""
+    """The states that a model receives without a subscription in the file."""
     for own in state_topics(draft, item, needs_of(item)) if item.want.entry.is_model else ():
         yield TopicSpec(name=own.topic, type_name=data_types.type_name(own.block.data_type), qos=own.qos)
 
@@ -140,7 +140,7 @@ def _states(draft: Draft, item: Resolved) -> Iterable[TopicSpec]:
 def _facts(
     draft: Draft, item: Resolved, settings: Mapping[str, Any], physics: dict[str, Any] | None
 ) -> Facts:
-    """What a node must know of itself and others, such as its leader, or the joints that it commands."""
+    """Facts of a node, such as its leader, or the joints that it commands."""
     entry, spec, graph = item.want.entry, item.spec, draft.graph
     common: dict[str, Any] = {
         "testing": draft.mode.verdict,

@@ -1,4 +1,4 @@
-"""From a path to a checked plan: everything left of «supervise», without touching a device."""
+"""From a path to a checked plan: all steps before "supervise", without opening a device."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PipelineResult:
-    """What is known about a configuration.
+    """The result for a configuration.
 
     Attributes:
-        diagnostics: every finding; sources: file name to text, for rendering.
-        plan: the plan, where one was asked for and no finding is an error.
+        diagnostics: all findings; sources: file name to text, for rendering.
+        plan: the plan, if one was requested and no finding is an error.
     """
 
     diagnostics: Sequence[Diagnostic]
@@ -31,17 +31,17 @@ class PipelineResult:
 
     @property
     def errors(self) -> list[Diagnostic]:
-        """The findings that keep the file from running."""
+        """The findings that prevent a run."""
         return [item for item in self.diagnostics if item.severity is Severity.ERROR]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Checked:
-    """A configuration whose text has been read and checked, on its way to a plan.
+    """A configuration whose text has been read and checked.
 
     Attributes:
-        loaded: with simulated devices where ``--sim`` asks for them.
-        simulated: what the simulation replaces; None where it was not asked for or is refused.
+        loaded: with simulated devices if ``--sim`` is set.
+        simulated: replaced devices; None if simulation was not requested or is refused.
     """
 
     request: Request
@@ -52,14 +52,14 @@ class Checked:
 
     @property
     def result(self) -> PipelineResult:
-        """What is known so far."""
+        """The result so far."""
         return PipelineResult(self.diagnostics, self.loaded.sources)
 
 
 def examine(request: Request) -> PipelineResult:
-    """Load, check and plan a configuration; report every problem at once, and never raise for one.
+    """Load, check and plan a configuration. Report all problems together, and never raise for one.
 
-    The endpoint of emulated devices is ``emulated``: nothing is started.
+    Emulated devices get the endpoint ``emulated``, because nothing is started.
     """
     checked = check_file(request)
     if request.emulate and not checked.result.errors:
@@ -71,7 +71,7 @@ def examine(request: Request) -> PipelineResult:
 
 
 def check_file(request: Request) -> Checked:
-    """Load a configuration, check everything that its text decides, and replace devices by simulated ones."""
+    """Load a configuration, run the checks of its text, and replace devices by simulated ones."""
     from joshua.config import check, load
     from joshua.config.checks.paths import check_paths
     from joshua.modes import check_mode, mode_of
@@ -108,7 +108,7 @@ def check_file(request: Request) -> Checked:
 
 
 def _amended(checked: Checked) -> Checked:
-    """Do what ``--sim`` asks for, and find devices that nothing emulates; refusals become findings."""
+    """Apply ``--sim``, and find devices without an emulator. Refusals become findings."""
     from joshua.config.checks import Context
     from joshua.planner import amend
     from joshua.planner.calibration_place import calibration_place
@@ -136,7 +136,7 @@ def _amended(checked: Checked) -> Checked:
 
 
 def finish(checked: Checked) -> PipelineResult:
-    """Resolve the plugins of a checked configuration and make its plan, where one is asked for."""
+    """Resolve the plugins of a checked configuration and, if requested, make its plan."""
     from joshua.config.checks.taint import one_of_each
     from joshua.planner.draft import Draft
     from joshua.planner.planning import make_plan, resolve

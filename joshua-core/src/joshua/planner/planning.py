@@ -1,4 +1,4 @@
-"""Config to Plan: which nodes start, with which implementation, settings and topics."""
+"""From Config to Plan: the nodes with their implementations, settings and topics."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def resolve(draft: Draft) -> tuple[list[Resolved], list[ResolvedService]]:
-    """Find the implementations and check the settings, which is all that validation needs."""
+    """Find the implementations and check the settings. Validation needs no more."""
     services = resolve_services(draft)
     wanted = wanted_nodes(draft.graph, devices=draft.mode.devices, models=draft.mode.models)
     nodes = resolve_nodes(draft, wanted, physics_of(services))
@@ -40,7 +40,7 @@ def resolve(draft: Draft) -> tuple[list[Resolved], list[ResolvedService]]:
 
 
 def make_plan(draft: Draft, nodes: list[Resolved], services: list[ResolvedService]) -> Plan | None:
-    """Make the plan of what was resolved; None where the transport cannot be chosen."""
+    """Make the plan of the resolved nodes; None if the transport cannot be chosen."""
     from joshua.plan import Plan
     from joshua.planner.node_planner import node_specs, store_facts
     from joshua.planner.services import service_node
@@ -92,7 +92,7 @@ def _no_share(draft: Draft, used: list[str]) -> None:
 
 
 def _check_terminal(draft: Draft, nodes: list[Resolved]) -> None:
-    """Refuse two readers of one terminal: which of them gets a key would be chance."""
+    """Refuse two readers of one terminal, because each key would reach only one of them at random."""
     hosts: dict[str, str] = {}
     for want in (item.want for item in nodes if isinstance(item.spec, SensorSpec) and item.spec.terminal):
         node = want.entry.node
@@ -105,7 +105,7 @@ def _check_terminal(draft: Draft, nodes: list[Resolved]) -> None:
 
 
 def _note_partial_qos(draft: Draft, nodes: list[NodeSpec], kind: str) -> None:
-    """Say once which quality-of-service settings do not act everywhere, and on which topics."""
+    """Note the quality-of-service settings that do not act everywhere, with their topics."""
     from joshua.transport.choice import partial_qos
 
     topics: dict[str, list[str]] = {}

@@ -1,4 +1,4 @@
-"""What the user asked for: a file, changes to it, and how far to go with it."""
+"""The request of the user: a file, changes to it, and the purpose."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from enum import Enum
 
 
 class Purpose(Enum):
-    """How far a configuration is taken."""
+    """The purpose of loading a configuration."""
 
     VALIDATE = "validate"
-    """Only its findings are wanted."""
+    """Only findings are requested."""
     SHOW = "show"
-    """The plan is wanted, and nothing will be started."""
+    """The plan is requested, but nothing will be started."""
     LAUNCH = "launch"
-    """The nodes are going to be started, which turns missing files and plugins into errors."""
+    """The nodes will be started, so missing files and plugins are errors."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Request:
-    """What the user asked for.
+    """The request of the user.
 
     Attributes:
         path: configuration file; overrides: ``--set`` options, in order.
-        purpose: how far to go.
+        purpose: why the configuration is loaded.
         host: this machine's name in the file; "" starts the nodes that name no host.
-        blocked_plugins: plugins that are left out.
-        duration_s: length of the run; None leaves it to the mode.
-        allow_uncalibrated: energise actuators that have no calibration.
-        dry_run: do everything with torque off.
-        emulate: emulators replace the devices, with calibrations of their own.
-        simulate: the simulation replaces actuators and cameras, likewise; with ``emulate`` it moves the
-            joints of emulated ones.
-        state_home: folder of what this user's programs keep, where the calibrations of stand-ins are.
-        physics_socket: where the simulation answers emulated buses; "" where none is coupled.
+        blocked_plugins: plugins to ignore.
+        duration_s: length of the run; None: the mode decides.
+        allow_uncalibrated: energise actuators without a calibration.
+        dry_run: keep the torque off.
+        emulate: emulators replace the devices, with separate calibrations.
+        simulate: the simulation replaces actuators and cameras in the same way. With ``emulate``, it moves
+            the joints of emulated ones.
+        state_home: folder for state files of this user's programs, such as calibrations of virtual devices.
+        physics_socket: socket of the simulation for emulated buses; "" if none is coupled.
     """
 
     path: str
@@ -52,5 +52,5 @@ class Request:
 
     @property
     def launch(self) -> bool:
-        """Whether nodes are going to be started."""
+        """Whether nodes will be started."""
         return self.purpose is Purpose.LAUNCH

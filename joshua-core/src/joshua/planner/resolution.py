@@ -1,4 +1,4 @@
-"""From the blocks of a file to installed implementations, checked settings, joints and safe states."""
+"""Resolves the blocks of a file: implementations, checked settings, joints and safe states."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
 PARK_TIMEOUT_S = 5.0
 ON_STALE_AFTER_S = 5.0
 
-#: Beyond the time for parking: the guardian's own, its report, and the closing of the device.
+#: Time beyond parking: for the guardian, its report, and closing the device.
 STOP_MARGIN_S = 6.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Wanted:
-    """One node that the mode starts: its entry in the file, and what its implementation is asked by.
+    """One node that the mode starts: its entry in the file, and the key of its implementation.
 
     Attributes:
-        block_name: member of the oneof, or the full message name of an ``Any`` block; "" where none is set.
-        block: the block's message, unpacked; None where none is set.
+        block_name: member of the oneof, or the full message name of an ``Any`` block; "" if none is set.
+        block: the block's message, unpacked; None if none is set.
         block_path: field path of the block.
         enum_value: name such as ``PERCEPTION_LIDAR``.
     """
@@ -54,7 +54,7 @@ class Wanted:
 
 
 def wanted_nodes(graph: RobotGraph, *, devices: bool, models: bool) -> list[Wanted]:
-    """List the nodes that a mode starts, in the order of the file; a replay takes the place of leaders."""
+    """List the nodes that a mode starts, in the order of the file. A replay replaces leaders."""
     return [
         _wanted(entry)
         for entry in graph.entries
@@ -75,7 +75,7 @@ def _wanted(entry: NodeEntry) -> Wanted:
     else:
         name = next((n for n in ("plugin_config", "random_noise_config") if owner.HasField(n)), "")
         if not name and owner.model_type == pb.RANDOM_NOISE:
-            name = "random_noise_config"  # omitted, it means its defaults
+            name = "random_noise_config"  # an omitted block means its defaults
         enum_value = value_name(pb.ModelType, owner.model_type)
         kind = ModelSpec
     path = f"{entry.owner_path}.{name}" if name else entry.owner_path
@@ -86,12 +86,12 @@ def _wanted(entry: NodeEntry) -> Wanted:
 
 
 def unpack(block: Any) -> tuple[str, Any]:
-    """Open an ``Any`` block: full message name, and the message or None where its type is unknown."""
+    """Unpack an ``Any`` block: full message name, and the message or None if its type is unknown."""
     return block.type_url.rpartition("/")[2], unpacked(block)
 
 
 def joints_of(settings: Any) -> tuple[JointRange, ...]:
-    """The joints of an actuator, as its settings know them without a connection; () where they do not."""
+    """The joints of an actuator, from its settings without a connection; () if unknown."""
     if settings is None:
         return ()
     from joshua.plugins.settings import ActuatorSettings  # needs pydantic, as the settings did
@@ -101,11 +101,11 @@ def joints_of(settings: Any) -> tuple[JointRange, ...]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Resolved:
-    """One wanted node with its implementation.
+    """A wanted node with its implementation.
 
     Attributes:
-        settings: the checked settings model; None where the plugin declares none.
-        joints: that a sensor's commands reach, where all of them are known.
+        settings: the checked settings model; None if the plugin declares none.
+        joints: those that a sensor commands, if all are known.
     """
 
     want: Wanted
@@ -115,7 +115,7 @@ class Resolved:
 
 
 def resolve_nodes(draft: Draft, wanted: list[Wanted], physics: dict[str, Any] | None) -> list[Resolved]:
-    """Resolve all nodes whose plugin is installed, fill in ``draft.joints``; the others become findings.
+    """Resolve all nodes whose plugin is installed, and set ``draft.joints``. The others become findings.
 
     Args:
         physics: settings of the simulation; None where there is none.
@@ -135,7 +135,7 @@ def resolve_nodes(draft: Draft, wanted: list[Wanted], physics: dict[str, Any] | 
             missing.setdefault((want.kind, want.block_name or want.enum_value), []).append(want)
             continue
         calibration = calibrations.get(entry.node.node_name)
-        # The joints that a sensor's commands reach are known where the names of all of them are final.
+        # The joints that a sensor commands are known if the names of all of them are final.
         driven = draft.graph.driven_by(entry) if want.kind is SensorSpec else []
         known = all(other.path in final_names for other in driven)
         reached = tuple(joint for other in driven for joint in draft.joints[other.path]) if known else ()
@@ -151,7 +151,7 @@ def resolve_nodes(draft: Draft, wanted: list[Wanted], physics: dict[str, Any] | 
         resolved.append(Resolved(want, spec, settings, reached))
         if isinstance(spec, ActuatorSpec):
             joints = draft.joints[entry.path] = joints_of(settings)
-            # Without a calibration the names of joints are placeholders, unless the user waives it.
+            # Without a calibration, joint names are placeholders, unless the user waives it.
             if joints and (calibration is not None or spec.virtual or draft.allows_uncalibrated):
                 final_names.add(entry.path)
             check_safety(draft, want, spec, joints)
@@ -160,16 +160,16 @@ def resolve_nodes(draft: Draft, wanted: list[Wanted], physics: dict[str, Any] | 
 
 
 def _model_context(draft: Draft, entry: NodeEntry) -> ModelContext:
-    from joshua.planner.model_planner import model_context  # with features, which other files need not
+    from joshua.planner.model_planner import model_context  # imports features, which other files do not need
 
     return model_context(draft, entry)
 
 
 def _plugin_missing(draft: Draft, wants: list[Wanted]) -> Diagnostic:
-    """One finding for all nodes of one kind and block whose plugin is not installed."""
+    """One finding for all nodes of a kind and block whose plugin is not installed."""
     first, others = wants[0], wants[1:]
     names = ", ".join(want.entry.node.node_name or want.entry.owner_path for want in wants)
-    # Several nodes with one block may have different roles, none of which matters here.
+    # Several nodes with the same block may have different roles, which do not matter here.
     same_role = len({want.enum_value for want in wants}) == 1
     enum_value = first.enum_value if same_role or not first.block_name else ""
     message = draft.registry.missing(names, first.kind, first.block_name, enum_value)
@@ -185,7 +185,7 @@ def also_needed_by(context: Context, wants: list[Wanted]) -> tuple[Related, ...]
 
 
 def _unfit_types(draft: Draft, want: Wanted, spec: NodePluginSpec) -> list[Diagnostic]:
-    """Topics of a third party's device that it cannot serve; the checks know the types of the others."""
+    """Topics that a third party's device does not support. The checks cover other devices."""
     if "." not in want.block_name or not isinstance(spec, DeviceSpec) or not spec.data_types:
         return []
     offered = tuple(data_types.number(name) for name in spec.data_types)
@@ -206,7 +206,7 @@ def _unfit_types(draft: Draft, want: Wanted, spec: NodePluginSpec) -> list[Diagn
 
 
 def _is_complete(want: Wanted) -> bool:
-    """Whether block and type are there and go together; the checks report what is absent or does not."""
+    """Whether block and type are set and match. The checks report everything else."""
     if want.enum_value.endswith("_UNSPECIFIED"):
         return False
     if want.kind is ModelSpec:
@@ -234,13 +234,13 @@ def safety_facts(action: pb.SingleAction, spec: ActuatorSpec) -> dict[str, Any]:
         facts["on_stale"] = OnStale(pb.SafeState.Name(action.on_stale), after_s, pose, timeout_s)
     if not is_leader and spec.safe_stop:
         facts["safe_stop"] = SafeStop(spec.safe_stop, name, pose, timeout_s)
-        # Not only for parking: a guardian that looks for a device which is gone takes its time, too.
+        # Not only for parking: a guardian also needs time to search for a missing device.
         facts["stop_timeout_s"] = timeout_s + STOP_MARGIN_S
     return facts
 
 
 def check_safety(draft: Draft, want: Wanted, spec: ActuatorSpec, joints: Sequence[JointRange]) -> None:
-    """Find a park pose that does not fit the joints, and a device that cannot park."""
+    """Find a park pose that does not match the joints, and devices that cannot park."""
     action, path, name = want.entry.owner, want.entry.owner_path, want.entry.node.node_name
     has_guardian = bool(spec.safe_stop) and action.action_type != pb.ACTION_LEADER
     parks_when_stale = action.on_stale == pb.PARK_THEN_RELEASE

@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ResolvedService:
-    """A service of the mode with the plugin spec that runs it.
+    """A service of the mode with the plugin spec of its implementation.
 
     Attributes:
-        block: the block that asks for it, as far as the mode uses it; enum_value: what chose the plugin.
-        plugin: distribution that provides it.
-        settings: the checked settings model; None where the plugin declares none.
-        folder: at which relative paths start; environment: that a trainer learns in.
+        block: the part of its block that the mode uses; enum_value: the value that selects the plugin.
+        plugin: distribution of its implementation.
+        settings: the checked settings model; None if the plugin declares none.
+        folder: to which paths are relative; environment: of a trainer.
     """
 
     service: ServiceSpec
@@ -47,14 +47,14 @@ class ResolvedService:
 
 
 def resolve_services(draft: Draft) -> list[ResolvedService]:
-    """Find what runs the services of the mode and put them into the graph; problems become findings."""
+    """Find the implementations of the mode's services and add them to the graph. Problems become findings."""
     config, registry, mode = draft.config, draft.registry, draft.mode
     chosen = choose_environment(draft) if mode.uses("ai.training") else None
     resolved = []
     for service in mode.services:
         block, value = service.block(config), service.value(config)
         spec: PluginSpec | None
-        if service.behaviour:  # the plugin of the mode brings the service itself
+        if service.behaviour:  # the plugin of the mode provides the service
             value, spec = mode.name, PluginSpec(implementation=service.behaviour, settings=service.settings)
             offer = registry.modes().get(mode.name)
             owner = registry.owner(offer).distribution if offer is not None else "joshua-core"
@@ -63,7 +63,7 @@ def resolve_services(draft: Draft) -> list[ResolvedService]:
         else:
             spec = registry.find(service.kind, service.block_name, value)
             if spec is None:
-                if service.is_chosen(config):  # else a check says what to choose
+                if service.is_chosen(config):  # otherwise a check reports the choices
                     draft.findings.append(
                         _missing(draft, service.path, service.kind, value, service.required)
                     )
@@ -85,7 +85,7 @@ def resolve_services(draft: Draft) -> list[ResolvedService]:
 
 
 def _missing(draft: Draft, path: str, kind: type[PluginSpec], value: str, required: bool) -> Diagnostic:
-    """A service block whose plugin is not installed: the mode needs it, or it can do without."""
+    """Report a service block whose plugin is not installed, as an error if the mode requires it."""
     block = path.rpartition(".")[2]
     sentence = draft.registry.missing(block, kind, block, value)
     remedy = "Install the plugin" if draft.launch else "Install it before the launch"
@@ -93,11 +93,11 @@ def _missing(draft: Draft, path: str, kind: type[PluginSpec], value: str, requir
         return draft.missing("plugin-missing", sentence, path, remedy=remedy)
     make = draft.warning if draft.launch else draft.note
     remedy = f"Install the plugin, or remove the {block} block"
-    return make("plugin-missing", f"{sentence}; the run goes on without it", path, remedy=remedy)
+    return make("plugin-missing", f"{sentence}; the run continues without it", path, remedy=remedy)
 
 
 def _data_store(draft: Draft) -> DataStoreContext:
-    """What a simulator that replays or makes episodes must know of the data set."""
+    """Facts about the data set for a simulator that replays or makes episodes."""
     block, path = draft.config.ai.data_store, "ai.data_store"
     value = value_name(pb.DataFormat, block.format)
     writer = draft.registry.find(EpisodeWriterSpec, "data_store", value)
@@ -120,7 +120,7 @@ def _folder(draft: Draft, path: str) -> str:
 
 
 def physics_of(services: Iterable[ResolvedService]) -> dict[str, Any] | None:
-    """Settings of the simulation that simulated devices are part of; None where there is none."""
+    """Settings of the simulation of the devices; None if there is none."""
     for resolved in services:
         if resolved.service.kind is SimulatorSpec and resolved.settings is not None:
             return dict(resolved.settings.model_dump(mode="json"))

@@ -1,4 +1,4 @@
-"""The transport of a plan: the file's block, else the environment, else the embedded default."""
+"""Chooses the transport of a plan: the file's block, else the environment, else the default."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _DDS_FIELDS = ("network_interface", "peers")
 def transport_settings(
     context: Context, registry: Registry, option: str = ""
 ) -> tuple[TransportSettings | None, list[Diagnostic]]:
-    """Choose the transport; None and the reason where the environment is wrong.
+    """Choose the transport; None and the reason if the environment is invalid.
 
     Args:
         context: the loaded file; registry: what is installed.
@@ -41,7 +41,7 @@ def transport_settings(
         allowed, remedy = error.allowed, error.remedy
         problem = context.error("transport-environment", message, found=found, allowed=allowed, remedy=remedy)
         return None, [problem]
-    problems = [] if kind_of(block) else list(_unused(context, settings))  # the checks know a named kind
+    problems = [] if kind_of(block) else list(_unused(context, settings))  # the checks cover an explicit kind
     if not settings.implementation:
         message, remedy = why_missing(settings, registry)
         message = message[0].upper() + message[1:]
@@ -51,7 +51,7 @@ def transport_settings(
 
 
 def _unused(context: Context, settings: TransportSettings) -> Iterator[Diagnostic]:
-    """Settings of one transport where the environment has chosen the other."""
+    """Find settings of one transport if the environment selects the other."""
     chosen, other = ("Zenoh", "DDS") if settings.kind == ZENOH else ("DDS", "Zenoh")
     fields = _ZENOH_FIELDS if other == "Zenoh" else _DDS_FIELDS
     written = {field.name for field, _ in context.config.transport.ListFields()}

@@ -1,7 +1,7 @@
-"""The plugin contract: what a plugin declares, and the registry of what is installed.
+"""The plugin contract: declarations of plugins, and the registry of the installed ones.
 
 Nothing here imports a driver, and only ``joshua.plugins.settings`` imports pydantic. Everything is imported
-at its first use: the process of a node needs none of it.
+at first use, because the process of a node needs none of it.
 """
 
 from __future__ import annotations

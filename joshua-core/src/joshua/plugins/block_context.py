@@ -1,4 +1,4 @@
-"""What decides the settings of a block beside the block itself."""
+"""Context for the settings of a block beside the block itself."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DataStoreContext:
-    """The data set that a simulator replays or makes.
+    """The data set that a simulator replays or generates.
 
     Attributes:
         writer: import string of the ``EpisodeWriter``, "" for none; episodes: to replay, () for all.
@@ -30,11 +30,11 @@ class DataStoreContext:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ModelContext:
-    """What the entry of a model says beside its settings block.
+    """The entry of a model beside its settings block.
 
     Attributes:
         weights: folder, file or hub id; "" for none. Local paths are absolute.
-        task: of the file; compute: of the file. rate_hz: of the actions that the node publishes.
+        task: of the file; compute: of the file. rate_hz: of the node's published actions.
     """
 
     weights: str = ""
@@ -45,15 +45,15 @@ class ModelContext:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BlockContext:
-    """What the rest of the file says to a block.
+    """The context of a block from the rest of the file.
 
     Attributes:
-        calibration: of the node's device; None where it has none.
-        joints: that a sensor's commands reach; () where not all of them are known.
-        simulation: settings of the simulation that a device is part of; None for any other.
-        folder: at which relative paths of a service start; data_store: beside a simulator.
+        calibration: of the node's device; None if it has none.
+        joints: those that a sensor commands; () if not all are known.
+        simulation: settings of the simulation of the device; None for a real device.
+        folder: to which paths of a service are relative; data_store: beside a simulator.
         model: of the entry of a model.
-        launch: nodes are about to be started.
+        launch: nodes will be started.
     """
 
     calibration: ArmCalibration | None = None

@@ -1,4 +1,4 @@
-"""The content of a configuration block as plain Python values, omitted fields filled from their rules."""
+"""The content of a configuration block as plain Python values, with defaults from the rules."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ _INTEGERS = (
 
 @lru_cache(maxsize=256)
 def default_values(message_type: Descriptor) -> dict[str, Any]:
-    """What each omitted field of a message means, by field name; fields without a rule take proto3's zero.
+    """Defaults of a message's omitted fields by name. Fields without a rule have proto3's zero.
 
     Raises:
-        ValueError: a rule's default does not fit the type of its field.
+        ValueError: a rule's default does not match the type of its field.
     """
     return {field.name: _default(field) for field in message_type.fields}
 
 
 def block_values(block: Message) -> dict[str, Any]:
-    """Turns a block into plain values: numbers, strings, lists, and dicts for messages.
+    """Convert a block to plain values: numbers, strings, lists, and dicts for messages.
 
-    Enum values become their names, ``float`` fields the shortest decimal that they stand for (0.1, not
-    0.10000000149), an omitted message None and an omitted scalar the default of its ``FieldRule``;
-    an omitted ``optional`` field whose rule has no default is None. A proto3 field without presence that
-    holds 0 counts as omitted, as the schema defines for such fields.
+    Enum values become their names, ``float`` fields their shortest decimal (0.1, not 0.10000000149), an
+    omitted message None and an omitted scalar the default of its ``FieldRule``. An omitted ``optional`` field
+    without a default is None. A proto3 field without presence counts as omitted if it is 0, as the schema
+    defines.
     """
     values = dict(default_values(block.DESCRIPTOR))
     for field, value in block.ListFields():
@@ -71,12 +71,14 @@ def _default(field: FieldDescriptor) -> Any:
     if field.cpp_type == FieldDescriptor.CPPTYPE_MESSAGE:
         return None
     if not text:
-        # an optional field without a default means «as it is», which no number can say
+        # an optional field without a default means "unchanged", which no number expresses
         return None if field.has_presence else _plain(field, field.default_value)
     try:
         return _parse(field, text)
     except ValueError as error:
-        raise ValueError(f"{field.full_name}: the rule's default {text!r} does not fit the field") from error
+        raise ValueError(
+            f"{field.full_name}: the rule's default {text!r} does not match the field"
+        ) from error
 
 
 def _parse(field: FieldDescriptor, text: str) -> Any:
@@ -96,7 +98,7 @@ def _parse(field: FieldDescriptor, text: str) -> Any:
 
 
 def shortest_float32(value: float) -> float:
-    """The shortest decimal that reads back as the same 32-bit number."""
+    """The shortest decimal that parses to the same 32-bit number."""
     single = struct.Struct("<f")
     wanted = single.pack(value)
     for digits in (6, 7, 8):
@@ -104,6 +106,6 @@ def shortest_float32(value: float) -> float:
         try:
             if single.pack(candidate) == wanted:
                 return candidate
-        except OverflowError:  # rounded up beyond the largest 32-bit number
+        except OverflowError:  # rounding up exceeded the largest 32-bit number
             continue
     return value

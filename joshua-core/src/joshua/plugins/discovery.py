@@ -1,9 +1,9 @@
-"""Finds installed plugins by their entry points; reads metadata only, imports nothing.
+"""Finds installed plugins by their entry points. Reads metadata only, without imports.
 
-``importlib.metadata`` would do the same, and alone cost a tenth of the time that checking a file may take. So
-the folders of the module path are read here, by the same rules: in each folder the ``entry_points.txt``
-of every installed distribution, the first one of a name counts (PyPA, «Recording installed projects» and
-«Entry points specification»). Where modules come from anything but folders, ``importlib.metadata`` is used.
+``importlib.metadata`` would do the same, but takes a tenth of the time limit for checking a file. So this
+module reads the folders of the module path by the same rules: in each folder the ``entry_points.txt`` of
+every installed distribution; the first one of a name counts (PyPA, "Recording installed projects" and "Entry
+points specification"). If modules come from anything but folders, ``importlib.metadata`` is used.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ CORE_DISTRIBUTION = "joshua-core"
 
 
 class PluginStatus(str, Enum):
-    """What became of a plugin when the host looked at it."""
+    """The status of a plugin after verification."""
 
     OK = "ok"
     BROKEN = "broken"
@@ -36,8 +36,8 @@ class PluginRow:
 
     Attributes:
         name: of the entry point; distribution, version: of the package that declares it.
-        module: where the entry point leads: a module, or an object in it, such as ``acme_gripper.plugin``.
-        reasons: for the status, one sentence each; specs: what it provides, () for one that is not in use.
+        module: target of the entry point: a module, or an object in it, such as ``acme_gripper.plugin``.
+        reasons: for the status, one sentence each; specs: of the plugin, () for one not in use.
     """
 
     name: str
@@ -55,12 +55,12 @@ class PluginRow:
 
 
 def normalise(name: str) -> str:
-    """Spelling of a distribution's name by which two names compare equal (PEP 503)."""
+    """Normalise the name of a distribution (PEP 503)."""
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def discover() -> list[PluginRow]:
-    """Lists the entry points of the group, the core's own first, then by distribution and name."""
+    """List the entry points of the group, the core's first, then by distribution and name."""
     found: dict[str, PluginRow] = {}
     for row in _from_folders() if _only_folders() else _from_metadata():
         found.setdefault(row.key, row)
@@ -68,13 +68,13 @@ def discover() -> list[PluginRow]:
 
 
 def is_blocked(row: PluginRow, blocked: Iterable[str]) -> bool:
-    """Whether a list of names names this plugin, by its distribution or by its entry point."""
+    """Whether a list of names contains this plugin, by its distribution or entry point."""
     names = {normalise(name) for name in blocked}
     return row.distribution in names or normalise(row.name) in names
 
 
 def _only_folders() -> bool:
-    """Whether every place of the module path is a folder, or not there, and only folders are searched."""
+    """Whether every entry of the module path is a folder or missing, and only folders are searched."""
     finders = [finder for finder in sys.meta_path if hasattr(finder, "find_distributions")]
     usual = all(getattr(finder, "__name__", "") == "PathFinder" for finder in finders)
     return usual and not any(place.endswith(".egg") or os.path.isfile(place) for place in sys.path)  # noqa: PTH113
@@ -86,7 +86,7 @@ def _from_folders() -> Iterator[PluginRow]:
         try:
             folders = sorted(os.listdir(place or "."))  # noqa: PTH208 (hot, and no Path yet)
         except OSError:
-            continue  # the module path may name folders that are not there
+            continue  # the module path may contain missing folders
         for folder in folders:
             if not folder.endswith((".dist-info", ".egg-info")):
                 continue
@@ -110,13 +110,13 @@ def _of_distribution(folder: str) -> Iterator[PluginRow]:
         elif group == ENTRY_POINT_GROUP and not line.startswith(("#", ";")):
             entry, equals, target = line.partition("=")
             if equals and entry.strip():
-                # What stands in brackets are extras, which no longer have an effect.
+                # Extras in brackets have no effect.
                 module = target.partition("[")[0].strip()
                 yield PluginRow(entry.strip(), normalise(name), version, module=module)
 
 
 def _read(path: str) -> str:
-    """The text of a file; "" where there is none."""
+    """The text of a file; "" if there is none."""
     try:
         with open(path, encoding="utf-8", errors="replace") as file:  # noqa: PTH123
             return file.read()

@@ -1,4 +1,4 @@
-"""The contracts of ``--emulate`` and ``--sim``: what stands for one device, by its protocol or as physics."""
+"""The contracts of ``--emulate`` and ``--sim``, which replace devices by emulators or physics."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from joshua.schema.calibration_pb2 import ArmCalibration
 
 
 class EmulationError(Exception):
-    """An emulator cannot start; the message says why and what to do."""
+    """An emulator cannot start. The message says why and what to do."""
 
 
 class FaultRefusedError(EmulationError):
-    """An emulator does not know a fault, or not with this value; the message lists what is allowed."""
+    """An emulator does not support a fault, or this value of it. The message lists what is allowed."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class PhysicsLink:
     """The simulated arm that moves the joints of an emulated actuator (``--emulate --sim``).
 
     Attributes:
-        actuators: of the model, in joint order; start_rad: where its joints are at first, about the middle
-            of their ranges.
-        socket: path of the UNIX socket (SOCK_SEQPACKET) where the physics answers, once the simulation runs.
+        actuators: of the model, in joint order; start_rad: initial positions, relative to the middle of the
+            ranges.
+        socket: path of the UNIX socket (SOCK_SEQPACKET) of the physics, once the simulation runs.
     """
 
     actuators: tuple[str, ...]
@@ -38,27 +38,27 @@ class PhysicsLink:
 
 @dataclass(frozen=True)
 class PhysicsCamera:
-    """The simulated camera, one of the model, that draws what an emulated one sees (``--emulate --sim``)."""
+    """The camera of the model that renders the pictures of an emulated one (``--emulate --sim``)."""
 
     camera: str
     socket: Path = Path()
 
 
-#: What an emulated device is joined to.
+#: Coupling of an emulated device.
 Coupling = PhysicsLink | PhysicsCamera
 
 
 @dataclass(frozen=True)
 class EmulatedDevice:
-    """The device that an emulator stands for.
+    """The device that an emulator replaces.
 
     Attributes:
-        node_name: name of the node that drives it; role: its enum value, such as ``ACTION_LEADER``.
+        node_name: name of its node; role: its enum value, such as ``ACTION_LEADER``.
         block: its configuration block.
-        state_folder: where what a real device would remember is kept from run to run.
-        faults: faults to bring about, each in the emulator's own words, such as ``drop=0.01``.
-        physics: what moves the joints of an actuator or draws the pictures of a camera; None leaves that to
-            the emulator.
+        state_folder: for the persistent memory of the device.
+        faults: faults to inject, in the emulator's syntax, such as ``drop=0.01``.
+        physics: the simulation that moves the joints or renders the pictures; None leaves that to the
+            emulator.
     """
 
     node_name: str
@@ -70,10 +70,10 @@ class EmulatedDevice:
 
 
 class DeviceEmulator(ABC):
-    """Stands for one device in a process of its own, which ends with the one that started it.
+    """Emulates one device in a separate process, which ends with its parent.
 
     Attributes:
-        couples: it acts on ``EmulatedDevice.physics``, so that it can be part of a simulation.
+        couples: it supports ``EmulatedDevice.physics``, so it can be part of a simulation.
     """
 
     couples: ClassVar[bool] = False
@@ -83,56 +83,55 @@ class DeviceEmulator(ABC):
 
     @abstractmethod
     def start(self) -> None:
-        """Starts the process and waits until it answers. Raises EmulationError, FaultRefusedError."""
+        """Starts the process and waits until it is ready. Raises EmulationError, FaultRefusedError."""
 
     @abstractmethod
     def amend(self, block: Message) -> None:
-        """Puts the emulator's endpoint in place of the device's; changes nothing else.
+        """Replaces the device's endpoint by the emulator's, and changes nothing else.
 
-        Before ``start``, a plan that only shows the endpoint asks for a word in its place: ``emulated``.
+        Before ``start``, for a plan that is only shown, the endpoint is ``emulated``.
         """
 
     @property
     @abstractmethod
     def endpoint(self) -> str:
-        """Where the emulator is reached, for people."""
+        """The address of the emulator, for people."""
 
     def calibration(self) -> ArmCalibration | None:
-        """The calibration that the emulated device holds; None where it has none."""
+        """The calibration of the emulated device; None if it has none."""
         return None
 
     def guide(self, joint: int | None, seconds: float) -> bool:
-        """Moves the device's joints as a calibration asks a person to; returns False where it cannot.
+        """Moves the joints as a calibration asks a person to. Returns False if not supported.
 
         Args:
-            joint: place of the joint that goes from where it is to one end, to the other and back to the
-                middle, while the others stay; None moves all joints to their middles.
-            seconds: that it takes; the call returns at once.
+            joint: index of the joint that moves to one end, to the other and back to the middle; the others
+                stay. None moves all joints to their middles.
+            seconds: of the motion. The call returns immediately.
         """
         del joint, seconds
         return False
 
     @abstractmethod
     def close(self) -> None:
-        """Ends the process; a second call does nothing."""
+        """Ends the process. Idempotent."""
 
 
 class SimAdapterError(Exception):
-    """The simulation cannot stand for a device; the message says which, why and what to do."""
+    """The simulation cannot replace a device. The message says which, why and what to do."""
 
 
 @dataclass(frozen=True)
 class RealDevice:
-    """A device that the simulation is to stand for.
+    """A device to be simulated.
 
     Attributes:
         node_name: name of its node; role: its enum value, such as ``ACTION_LEADER``.
-        owner: the ``SingleAction`` or ``SinglePerception`` message; the simulator replaces its block.
-        block_name: member of the oneof that holds the block.
-        joints: names of an actuator's joints where a calibration gives them, else ``joint_<id>``; () for a
-            camera.
-        in_chain: its motors follow one another as on a servo bus, so that those of the model stand for them
-            in order, whatever they are called.
+        owner: the ``SingleAction`` or ``SinglePerception`` message. The simulator replaces its block.
+        block_name: member of the oneof with the block.
+        joints: names of an actuator's joints from a calibration, else ``joint_<id>``; () for a camera.
+        in_chain: its motors form a chain as on a servo bus, so the model's motors are assigned in order,
+            whatever their names.
     """
 
     node_name: str
@@ -143,7 +142,7 @@ class RealDevice:
     in_chain: bool = False
 
 
-#: What ``SimulatorSpec.sim_adapter`` names. It takes the configuration, which it changes, the devices to
-#: stand for and whether their buses are emulated, puts blocks of simulated devices in their place, and
-#: returns what each emulated device is coupled to by node name. Raises SimAdapterError.
+#: Type of ``SimulatorSpec.sim_adapter``. Its arguments are the configuration, which it changes, the devices
+#: to replace, and whether their buses are emulated. It replaces their blocks by simulated ones, and returns
+#: the coupling of each emulated device by node name. Raises SimAdapterError.
 SimAdapter = Callable[[Any, Sequence[RealDevice], bool], dict[str, Coupling]]

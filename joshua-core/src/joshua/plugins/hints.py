@@ -1,6 +1,6 @@
-"""Which distribution provides which block, value and command, as the schema states beside each of them.
+"""The distributions that provide blocks, values and commands, as stated in the schema.
 
-This serves messages only: what runs is decided by the registry, never by what is stated here.
+For messages only. The registry decides what runs.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 
 class Stated(NamedTuple):
-    """What the schema states of plugins.
+    """Statements of the schema about plugins.
 
     Attributes:
-        blocks: rule of a block by the name of the field that holds it; messages: its descriptor likewise.
+        blocks: rule of a block by the name of its field; messages: its descriptor, likewise.
         enum_values, commands: distribution by enum value and by command of ``joshua``.
     """
 
@@ -23,14 +23,14 @@ class Stated(NamedTuple):
     commands: dict[str, str]
 
     def distributions(self) -> set[str]:
-        """All distributions that are named."""
+        """All named distributions."""
         blocks = {name for rule in self.blocks.values() for name in (rule.plugin, rule.emulator) if name}
         return blocks | set(self.enum_values.values()) | set(self.commands.values())
 
 
 @cache
 def stated() -> Stated:
-    """Reads the schema from ``Config`` on."""
+    """Read the schema, starting at ``Config``."""
     from joshua.schema.config_pb2 import Config
     from joshua.schema.rules import block_rule, value_rule
 
@@ -57,7 +57,7 @@ def stated() -> Stated:
 
 
 def block_message(block: str) -> Any:
-    """Descriptor of a block, by the field that holds it or by its message's full name; None if unknown."""
+    """Descriptor of a block, by its field or by its message's full name; None if unknown."""
     from google.protobuf import descriptor_pool
 
     try:
@@ -67,10 +67,10 @@ def block_message(block: str) -> Any:
 
 
 def distribution_for(block: str, enum_value: str = "") -> str:
-    """Names the published plugin for a block, else for an enum value; "" where none is known.
+    """Return the published plugin for a block, else for an enum value; "" if none is known.
 
-    The simulator of ``rl_config`` decides its trainer, so that an enum value of a backend goes first there.
-    A block with a dot is a message of a third party, whose package nobody here knows.
+    The simulator of ``rl_config`` decides its trainer, so the enum value of a backend has priority there. A
+    block with a dot is a message of a third party, whose package is unknown.
     """
     by_value: str = stated().enum_values.get(enum_value, "")
     if enum_value.startswith("BACKEND_"):
@@ -81,5 +81,5 @@ def distribution_for(block: str, enum_value: str = "") -> str:
 
 
 def emulator_for(block: str) -> str:
-    """Names the published plugin that emulates the device of a block; "" where none is known."""
+    """Return the published plugin that emulates the device of a block; "" if none is known."""
     return str(stated().blocks[block].emulator) if block in stated().blocks else ""

@@ -1,4 +1,4 @@
-"""The plugin host: loads what is installed and turns every fault of a plugin into a row with its reason."""
+"""The plugin host: loads the installed plugins, and lists faulty ones with their reason."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ class PluginHooks:
 
     @hookspec
     def joshua_specs(self) -> Iterable[PluginSpec]:
-        """Names what the plugin provides."""
+        """Return the specs of the plugin."""
         raise NotImplementedError
 
 
 def load_registry(blocked: Iterable[str] = ()) -> Registry:
-    """Loads the light module of every installed plugin and verifies what it declares.
+    """Load the light module of every installed plugin and verify its declarations.
 
     Args:
         blocked: names of distributions or entry points whose modules are not imported.
 
     Returns:
-        The registry; a plugin that is broken, blocked or in conflict is a row in it.
+        The registry, with a row for each broken, blocked or conflicting plugin.
     """
     names = tuple(blocked)
     manager = pluggy.PluginManager(PROJECT_NAME)
@@ -45,7 +45,7 @@ def load_registry(blocked: Iterable[str] = ()) -> Registry:
 
 
 class _BrokenPluginError(Exception):
-    """A plugin cannot be used; the arguments are the reasons."""
+    """A plugin cannot be used. The arguments are the reasons."""
 
 
 def _load(manager: pluggy.PluginManager, row: PluginRow, blocked: tuple[str, ...]) -> PluginRow:
@@ -59,7 +59,7 @@ def _load(manager: pluggy.PluginManager, row: PluginRow, blocked: tuple[str, ...
 
 
 def _ask(manager: pluggy.PluginManager, row: PluginRow) -> tuple[PluginSpec, ...]:
-    """Imports a plugin's module, registers its hooks and asks what it provides."""
+    """Import a plugin's module, register its hooks and call them."""
     try:
         plugin = _load_target(row.module)
     except (Exception, SystemExit) as error:
@@ -86,7 +86,7 @@ def _ask(manager: pluggy.PluginManager, row: PluginRow) -> tuple[PluginSpec, ...
 
 
 def _load_target(target: str) -> object:
-    """Imports what an entry point names: a module, or an object in it."""
+    """Import the target of an entry point: a module, or an object in it."""
     module, _, attributes = target.partition(":")
     found: object = importlib.import_module(module.strip())
     for attribute in filter(None, attributes.strip().split(".")):
@@ -119,7 +119,7 @@ def _answers(manager: pluggy.PluginManager, plugin: object, row: PluginRow) -> l
     implementations = manager.hook.joshua_specs.get_hookimpls()
     implementation = next(impl for impl in implementations if impl.plugin_name == row.key)
     if implementation.hookwrapper or implementation.wrapper:
-        raise _BrokenPluginError(f"{_HOOK} is a hook wrapper; a plugin answers only for itself")
+        raise _BrokenPluginError(f"{_HOOK} is a hook wrapper, which is not allowed")
     try:
         answer = implementation.function()
         if not isinstance(answer, (str, PluginSpec)) and isinstance(answer, Iterable):

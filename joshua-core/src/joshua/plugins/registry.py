@@ -1,4 +1,4 @@
-"""The registry: from enum value and configuration block to the implementation that is installed."""
+"""The registry: finds the installed implementation for an enum value and configuration block."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SpecT = TypeVar("SpecT", bound=PluginSpec)
 
 
 def _overlap(first: PluginSpec, second: PluginSpec) -> tuple[str, ...] | None:
-    """Enum values that both answer for; ``()`` where one answers for all; None where they do not meet."""
+    """Enum values that both support; ``()`` if one supports all; None if they do not overlap."""
     if (first.kind, first.block) != (second.kind, second.block):
         return None
     named = isinstance(first, (ExtensionSpec, ModeOffer, TransportSpec))
@@ -32,7 +32,7 @@ def _overlap(first: PluginSpec, second: PluginSpec) -> tuple[str, ...] | None:
         return None
     mine, others = first.enum_values, second.enum_values
     if isinstance(first, EnvironmentSpec) and isinstance(second, EnvironmentSpec):
-        # many may offer some, as long as each is another one
+        # several may offer some, if all differ
         mine, others = (tuple(offer.id for offer in spec.environments) for spec in (first, second))
     elif not mine or not others:
         return ()
@@ -44,32 +44,32 @@ def _subject(block: str, *values: str) -> str:
 
 
 def _answers(spec: PluginSpec, kind: type[SpecT], enum_value: str) -> TypeGuard[SpecT]:
-    """Whether something is of a kind and fits an enum value; "" asks for none in particular."""
+    """Whether a spec has a kind and supports an enum value; "" for any."""
     fits = not enum_value or not spec.enum_values or enum_value in spec.enum_values
     return isinstance(spec, kind) and fits
 
 
 class Registry:
-    """What the installed plugins provide.
+    """The specs of the installed plugins.
 
-    Two plugins that provide the same thing are a conflict: neither is used for it, so that installing a
-    package never changes silently which driver runs; only what the core provides stays in force.
+    Two plugins that provide the same thing conflict, and neither is used for it. Installing a package
+    therefore never changes silently which driver runs. Only specs of the core stay in use.
     """
 
     def __init__(self, rows: tuple[PluginRow, ...]) -> None:
         self._rows, self._usable, self._withdrawn = _settle_conflicts(rows)
 
     def rows(self) -> tuple[PluginRow, ...]:
-        """All plugins in the order of discovery, the broken and the blocked included."""
+        """All plugins in the order of discovery, including broken and blocked ones."""
         return self._rows
 
     def find(self, kind: type[SpecT], block: str, enum_value: str = "") -> SpecT | None:
-        """Finds the one implementation for a block and an enum value; None where none or several fit.
+        """Find the only implementation for a block and an enum value; None if none or several match.
 
         Args:
-            block: member of a oneof such as ``lidar_config``, or for an ``Any`` block the full name of
-                its message (``acme.GripperConfig``); "" asks by enum value alone.
-            enum_value: name such as ``PERCEPTION_LIDAR``; "" accepts every one.
+            block: member of a oneof such as ``lidar_config``, or for an ``Any`` block the full name of its
+                message (``acme.GripperConfig``); "" for any.
+            enum_value: name such as ``PERCEPTION_LIDAR``; "" for any.
         """
         fitting = [offer for offer, _ in self._usable if _answers(offer, kind, enum_value)]
         for wanted in dict.fromkeys((block, "")):
@@ -81,12 +81,12 @@ class Registry:
         return None
 
     def knows(self, name: str) -> bool:
-        """Whether a name is that of an installed plugin, as ``--block-plugin`` takes it."""
+        """Whether a name is that of an installed plugin, as for ``--block-plugin``."""
         wanted = normalise(name)
         return any(wanted in (row.distribution, normalise(row.name)) for row in self._rows)
 
     def owner(self, spec: PluginSpec) -> PluginRow:
-        """The plugin that provides something. Raises KeyError for what another registry has."""
+        """The plugin of a spec. Raises KeyError for a spec of another registry."""
         for mine, row in self._usable:
             if mine is spec:
                 return row
@@ -96,7 +96,7 @@ class Registry:
         """Whether a file of this name ships with a plugin, such as the model ``so_arm100/scene.xml``.
 
         Returns:
-            None where no installed plugin brings any files, so that nobody can tell.
+            None if no installed plugin provides files, so that it is unknown.
         """
         answer = None
         for spec, _ in self._usable:
@@ -104,47 +104,47 @@ class Registry:
                 try:
                     found = load_target(spec.packaged_files)(name)
                 except TargetError:
-                    continue  # `joshua plugins --check` says what is wrong with it
+                    continue  # `joshua plugins --check` reports the reason
                 if found is not None:
                     return True
                 answer = False
         return answer
 
     def environments(self, backend: str = "") -> tuple[tuple[Environment, EnvironmentSpec], ...]:
-        """The environments that trainers can be given, each with the spec that makes it.
+        """The environments for trainers, each with its spec.
 
         Args:
-            backend: name of a ``SimulatorBackend``; "" asks for none in particular.
+            backend: name of a ``SimulatorBackend``; "" for any.
         """
         fitting = [offer for offer, _ in self._usable if _answers(offer, EnvironmentSpec, backend)]
         return tuple((environment, offer) for offer in fitting for environment in offer.environments)
 
     def modes(self) -> dict[str, ModeOffer]:
-        """The modes that plugins bring, by their own name or by the enum value that they answer for."""
+        """The modes of plugins, by their name or enum value."""
         offers = (spec for spec, _ in self._usable if isinstance(spec, ModeOffer))
         return {offer.name or offer.enum_values[0]: offer for offer in offers}
 
     def transports(self) -> dict[str, TransportSpec]:
-        """The transports by name, such as ``zenoh``; those of third parties by their own."""
+        """The transports by name, such as ``zenoh``, including those of third parties."""
         offers = (spec for spec, _ in self._usable if isinstance(spec, TransportSpec))
         return {offer.name or TransportSpec.short(offer.enum_values[0]): offer for offer in offers}
 
     def extensions(self) -> tuple[str, ...]:
-        """Import strings of what plugins add to every node."""
+        """Import strings of the extensions for every node."""
         return tuple(spec.implementation for spec, _ in self._usable if isinstance(spec, ExtensionSpec))
 
     def message_modules(self) -> tuple[str, ...]:
-        """Import strings of the ``_pb2`` modules that register third-party blocks; all are imported."""
+        """Import strings of the ``_pb2`` modules that register third-party blocks. All are imported."""
         modules = (p.message_module for row in self._rows for p in row.specs if p.message_module)
         return tuple(dict.fromkeys(modules))
 
     def message_types(self) -> tuple[str, ...]:
-        """Full names of the messages that may stand in an ``Any`` block."""
+        """Full names of the messages allowed in an ``Any`` block."""
         names = (p.block for row in self._rows for p in row.specs if p.message_module)
         return tuple(dict.fromkeys(names))
 
     def missing(self, node_name: str, kind: type[PluginSpec], block: str, enum_value: str = "") -> str:
-        """Says why ``find`` has nothing, and what to do, in one sentence.
+        """Why ``find`` returned nothing, and what to do, in one sentence.
 
         Such as ``lidar_front: PERCEPTION_LIDAR requires the plugin joshua-lidar, which is not installed: …``.
         """
@@ -175,9 +175,9 @@ class Registry:
         return f"{needs}and {row.version} does not provide it: {installing.upgrade(distribution)}"
 
     def remedy(self, kind: type[PluginSpec], block: str, enum_value: str = "") -> str:
-        """What to do where ``find`` has nothing."""
+        """What to do if ``find`` returned nothing."""
         if block and any(isinstance(offer, kind) and offer.block == block for offer, _ in self._usable):
-            return "write one of the types that it takes, or another block"
+            return "use one of these types, or another block"
         distribution = hints.distribution_for(block, enum_value)
         rows = [row for row in self._rows if row.distribution == distribution or not distribution]
         if any(row.status is PluginStatus.BLOCKED for row in rows):
@@ -187,7 +187,7 @@ class Registry:
         return "install the plugin, then run `joshua plugins` to check it"
 
     def _none_in_use(self) -> str:
-        """Why no plugin provides a third party's block, and what to do; it may be one that is not in use."""
+        """Why no plugin provides a third party's block, and what to do. Its plugin may be out of use."""
         status = (PluginStatus.BLOCKED, PluginStatus.BROKEN)
         unused = [f"{row.distribution} is {row.status.value}" for row in self._rows if row.status in status]
         if unused:
@@ -201,7 +201,7 @@ _Settled = tuple[
 
 
 def _settle_conflicts(rows: tuple[PluginRow, ...]) -> _Settled:
-    """Marks plugins that provide the same thing: rows, what may be used, what may not and why."""
+    """Find plugins that provide the same thing: rows, usable specs, and unusable ones with the reason."""
     reasons: dict[int, list[str]] = {}
     withdrawn: list[tuple[PluginSpec, str]] = []
     offers = [(index, spec) for index, row in enumerate(rows) for spec in row.specs]
@@ -234,7 +234,7 @@ def _settle_conflicts(rows: tuple[PluginRow, ...]) -> _Settled:
 
 
 def _label(rows: tuple[PluginRow, ...], index: int) -> str:
-    """What --block-plugin takes: the distribution, or the entry point where it has several."""
+    """The argument of --block-plugin: the distribution, or the entry point if it has several."""
     row = rows[index]
     alone = sum(other.distribution == row.distribution for other in rows) == 1
     return row.distribution if alone else row.name

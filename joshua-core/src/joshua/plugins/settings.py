@@ -1,4 +1,4 @@
-"""The settings object of a driver: made from its configuration block, in SI units, checked by pydantic."""
+"""Settings of drivers: made from their configuration blocks, in SI units, checked by pydantic."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ def _unchanged(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class FromField:
-    """Says which field of the block a setting comes from, as metadata of ``typing.Annotated``.
+    """Names the block field of a setting, as metadata of ``typing.Annotated``.
 
     Attributes:
         path: field of the block, with dots into inner messages, such as ``comm.serial.port``.
-        convert: turns the block's unit into the setting's, such as ticks into radians.
+        convert: converts the block's unit to the setting's, such as ticks to radians.
     """
 
     path: str
@@ -41,12 +41,12 @@ class FromField:
 
 
 class FieldError(ValueError):
-    """A rule across fields is broken; raised by a validator of a settings model.
+    """A rule across fields is broken. Raised by a validator of a settings model.
 
     Args:
-        field: field of the block that the finding points at, such as ``position_max``.
+        field: field of the block for the finding, such as ``position_max``.
         message: what is wrong and why, one sentence.
-        allowed: what may stand there, the nearest first.
+        allowed: allowed values, the nearest first.
         remedy: what to do next, one imperative sentence.
     """
 
@@ -58,7 +58,7 @@ class FieldError(ValueError):
 
 
 class FieldErrors(ValueError):
-    """Several rules are broken, at least one; raised by a validator that has looked at everything."""
+    """One or more rules are broken. Raised by a validator after all checks."""
 
     def __init__(self, errors: Sequence[FieldError]) -> None:
         super().__init__("; ".join(str(error) for error in errors))
@@ -68,32 +68,32 @@ class FieldErrors(ValueError):
 class BlockSettings(BaseModel):
     """Base class of settings: frozen, JSON-able, SI units.
 
-    Each setting takes the field of the same name from the block, or the one that ``FromField`` names,
-    converted. Defaults and ranges are not repeated: an omitted field has the default of its ``FieldRule``,
-    and ranges are checked from the rules before a settings model is made. Validators add rules across
-    fields and raise ``FieldError``, or ``FieldErrors`` for several. ``si_values`` is the place for values
-    that more than one field, the node or the rest of the file decide.
+    Each setting is the block's field of the same name, or the converted one that ``FromField`` names. Do not
+    repeat defaults and ranges: an omitted field has the default of its ``FieldRule``, and ranges are checked
+    before a settings model is made. Validators add rules across fields and raise ``FieldError``, or
+    ``FieldErrors`` for several. Override ``si_values`` for values that depend on several fields, the node or
+    the rest of the file.
 
-    A settings module is imported while a file is validated: it imports no driver and nothing heavy.
+    A settings module is imported during validation, so it must not import drivers or anything heavy.
     """
 
     model_config: ClassVar[ConfigDict] = ConfigDict(
         frozen=True,
         extra="forbid",
         allow_inf_nan=False,
-        defer_build=True,  # a process needs those of its own devices alone
+        defer_build=True,  # a process needs only those of its own devices
     )
 
     @classmethod
     def from_block(
         cls, block: Message, node: Message | None = None, context: BlockContext | None = None
     ) -> Self:
-        """Makes the settings of a block; the arguments are those of ``make_settings``.
+        """Make the settings of a block. Arguments as for ``make_settings``.
 
         Raises:
             pydantic.ValidationError: a value or a rule across fields is broken.
         """
-        # Imported here, with protobuf: a child process gets its settings without a block.
+        # Imported here because of protobuf: a child process gets its settings without a block.
         from joshua.plugins.block_values import block_values
 
         return cls.model_validate(cls.si_values(block_values(block), node, context or BlockContext()))
@@ -102,7 +102,7 @@ class BlockSettings(BaseModel):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Turns the block's values (see ``block_values``) into the values of the settings."""
+        """Convert the block's values (see ``block_values``) to the values of the settings."""
         del node, context  # for overriding methods
         result: dict[str, Any] = {}
         for name, field in cls.model_fields.items():
@@ -114,20 +114,20 @@ class BlockSettings(BaseModel):
 
 
 class ActuatorSettings(BlockSettings):
-    """Base class of the settings of actuators: the one place that names the joints."""
+    """Base class of the settings of actuators, which define the joints."""
 
     def joints(self) -> tuple[JointRange, ...]:
-        """The joints in their order, known without a connection and without the driver."""
+        """The joints in order, known without a connection or the driver."""
         raise NotImplementedError(f"{type(self).__name__} names no joints: override joints")
 
 
 class ModelSettings(BlockSettings):
-    """Base class of the settings of models, with what their entry says beside the block.
+    """Base class of the settings of models, with values of their entry beside the block.
 
     Attributes:
         weights: folder or file, absolute, or a hub id; "" for none.
-        task: of the file, "" for none; compute: where and how the model computes.
-        rate_hz: steps of a chunk in a second.
+        task: of the file, "" for none; compute: device and precision of the computation.
+        rate_hz: steps of a chunk per second.
     """
 
     weights: str = ""
@@ -139,25 +139,26 @@ class ModelSettings(BlockSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Adds what the entry of the model says to the values of the block."""
+        """Add the values of the model's entry to those of the block."""
         own, entry = super().si_values(values, node, context), context.model
         known = {"weights": entry.weights, "compute": entry.compute, "rate_hz": entry.rate_hz}
         return own | known | {"task": entry.task or own.get("task", "")}
 
     def needs(self) -> ModelNeeds:
-        """What the model needs and can do, as far as its settings and the files of its weights say.
+        """Requirements and abilities of the model, as far as known from its settings and weight files.
 
-        Called while a file is checked: it imports nothing heavy. Raises FieldError for weights that cannot
-        be used. Weights that are not on this machine leave it open: the node asks again after loading.
+        Called during validation, so it must not import anything heavy. Raises FieldError for unusable
+        weights. For weights that are not on this machine, the needs stay unknown until the node has loaded
+        them.
         """
         return ModelNeeds()
 
 
 class Positions(Protocol):
-    """Where the values of a loaded configuration stand (``LoadedConfig.positions``)."""
+    """Positions of the values of a loaded configuration (``LoadedConfig.positions``)."""
 
     def nearest(self, field_path: str) -> Position | None:
-        """Position of a field's value, else of the innermost block around it."""
+        """Position of a field's value, else of the innermost enclosing block."""
 
 
 def make_settings(
@@ -169,12 +170,12 @@ def make_settings(
     field_path: str = "",
     positions: Positions | None = None,
 ) -> tuple[BlockSettings | None, list[Diagnostic]]:
-    """Makes the settings that a spec asks for, problems as diagnostics.
+    """Make the settings of a spec, with problems as diagnostics.
 
     Args:
-        node: the ``Node`` block beside the block; context: what the rest of the file says to it.
+        node: the ``Node`` block beside the block; context: from the rest of the file.
         field_path: of the block, such as ``robot.actions[0].mock_motor_config``.
-        positions: of the loaded configuration; None leaves diagnostics without a position.
+        positions: of the loaded configuration; None for diagnostics without positions.
 
     Returns:
         The settings and no diagnostic; None and the problems; or None and no diagnostic for a spec
@@ -212,7 +213,7 @@ def settings_diagnostics(
     field_path: str = "",
     positions: Positions | None = None,
 ) -> list[Diagnostic]:
-    """Turns each pydantic error of a settings model into a diagnostic on the block's field."""
+    """Convert each pydantic error of a settings model to a diagnostic on the block's field."""
     from joshua.plugins.block_values import block_values
 
     values = block_values(block)
@@ -220,7 +221,7 @@ def settings_diagnostics(
     for problem in _problems(error, settings_type, block):
         path = ".".join(part for part in (field_path, problem.field) if part)
         found = _look_up(values, problem.field) if problem.field else None
-        remedy = problem.remedy or "Change the value. `joshua explain` shows what the field means"
+        remedy = problem.remedy or "Change the value. `joshua explain` describes the field"
         diagnostics.append(
             Diagnostic(
                 code="invalid-setting",
@@ -249,12 +250,12 @@ def _problems(
             yield _field_error(detail, settings_type, block)
 
 
-# Words that a message may begin with and that name neither a field nor a joint.
+# Words at the start of a message that are not the name of a field or joint.
 _PLAIN_WORDS = frozenset(("a", "an", "the", "one", "two", "no", "each", "every", "nobody"))
 
 
 def _begun(message: str) -> str:
-    """A message with a capital letter, unless it may begin with the name of something."""
+    """Capitalise a message, unless it may begin with a name."""
     is_word = message.partition(" ")[0] in _PLAIN_WORDS
     return message[0].upper() + message[1:] if is_word else message
 
@@ -271,7 +272,7 @@ _BOUNDS = {
 
 
 def _field_error(detail: Any, settings_type: type[BlockSettings], block: Message) -> FieldError:
-    """What pydantic itself has found, as a broken rule."""
+    """Convert an error of pydantic itself to a broken rule."""
     inner = _block_path(detail["loc"], settings_type)
     if detail["type"] == "missing":
         return FieldError(inner, f"{inner} is missing")
@@ -283,12 +284,12 @@ def _field_error(detail: Any, settings_type: type[BlockSettings], block: Message
 
 
 def source_of(name: str, field: FieldInfo) -> FromField:
-    """Where a setting comes from: what its metadata says, else the field of the same name."""
+    """Source of a setting: from its metadata, else the field of the same name."""
     return next((entry for entry in field.metadata if isinstance(entry, FromField)), FromField(name))
 
 
 def _look_up(values: Mapping[str, Any], path: str) -> Any:
-    """Value at a dotted path with optional indices; None where a part is absent."""
+    """Value at a dotted path with optional indices; None if a part is missing."""
     current: Any = values
     for part in path.replace("[", ".").replace("]", "").split("."):
         if isinstance(current, Mapping):

@@ -1,4 +1,4 @@
-"""What a plugin provides, as data: one frozen class per kind; no driver is imported to describe it."""
+"""Declarations of plugins as data: one frozen class per kind, without importing a driver."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ if TYPE_CHECKING:
 else:
 
     def dataclass_transform(**_options: object) -> Any:
-        """Stand in for what only type checkers read."""
+        """Replacement for a decorator that only type checkers read."""
         return lambda cls: cls
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 class _Spec:
-    """Base of specs: made like frozen dataclasses, without the time that ``dataclass`` takes for each class.
+    """Base of specs. Like frozen dataclasses, without the time of ``dataclass`` for each class.
 
     Every check of a file imports these classes.
     """
@@ -33,7 +33,7 @@ class _Spec:
             vars(self).update(values)
 
     def replace(self, **values: Any) -> Self:
-        """Make the same spec with other values."""
+        """Return a copy of the spec with changed values."""
         return type(self)(**{**vars(self), **values})
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -46,17 +46,17 @@ class _Spec:
 
 
 class PluginSpec(_Spec):
-    """One thing that a plugin provides; the base of the kinds.
+    """A declaration of a plugin, the base of all kinds.
 
     Import strings look like ``acme.gripper:Gripper``; "" for none.
 
     Attributes:
-        base: import string of what ``implementation`` derives from, "" for anything.
-        block: configuration block that asks for it: a member of a oneof such as ``sts3215_config``, or the
-            full name of a registered message (``acme.GripperConfig``); "" if the enum value decides alone.
-        enum_values: enum values that fit, such as ``("ACTION_LEADER", "ACTION_FOLLOWER")``.
-        implementation: import string of the class or function that does the work.
-        settings: import string of the pydantic settings model, made from the block.
+        base: import string of the base class of ``implementation``, "" for any.
+        block: configuration block that selects it: a member of a oneof such as ``sts3215_config``, or the
+            full name of a registered message (``acme.GripperConfig``); "" if only the enum value selects it.
+        enum_values: supported enum values, such as ``("ACTION_LEADER", "ACTION_FOLLOWER")``.
+        implementation: import string of the class or function.
+        settings: import string of the pydantic settings model for the block.
         message_module: import string of the ``_pb2`` module that registers the block's own message.
         summary: one line for ``joshua plugins``.
     """
@@ -73,15 +73,15 @@ class PluginSpec(_Spec):
 
 
 class NodePluginSpec(PluginSpec):
-    """What runs in a node of its own beside a standard behaviour.
+    """A declaration that runs in a node, with a standard behaviour.
 
     Attributes:
         standard_behaviour: import string of the node behaviour of the kind.
-        behaviour: import string of a node behaviour of its own, which may use any ``implementation``.
-        native: import string of the native implementation that ``node_type: CPP`` asks for.
-        hang_after_s: silence of the node's loop that counts as a hang, for a device that waits for a radio
-            and stops by itself when nothing comes; 0 takes the one of the kind.
-        ready_timeout_s: time that the node may take to open its device or model; 0 takes the one of the kind.
+        behaviour: import string of a custom node behaviour, which may use any ``implementation``.
+        native: import string of the native implementation for ``node_type: CPP``.
+        hang_after_s: time without a heartbeat that counts as a hang, for a device that waits for a radio and
+            stops by itself without commands; 0 for the default of the kind.
+        ready_timeout_s: time limit for opening the device or model; 0 for the default of the kind.
     """
 
     standard_behaviour: ClassVar[str] = ""
@@ -96,9 +96,9 @@ class DeviceSpec(NodePluginSpec):
     """An actuator or a sensor.
 
     Attributes:
-        data_types: ROS 2 types that a device of a third party can publish, such as
-            ``("sensor_msgs/msg/Image",)``, so that a file is checked without the driver; () says nothing.
-        virtual: there is no hardware behind it, so that ``--emulate`` leaves it as it is.
+        data_types: ROS 2 types that a third party's device can publish, such as
+            ``("sensor_msgs/msg/Image",)``, for checks without the driver; () if undeclared.
+        virtual: it has no hardware, so ``--emulate`` does not replace it.
     """
 
     data_types: tuple[str, ...] = ()
@@ -109,11 +109,11 @@ class ActuatorSpec(DeviceSpec):
     """An actuator.
 
     Attributes:
-        safe_stop: import string of what the guardian of an actuator runs: a class that derives from
+        safe_stop: import string of the guardian's action: a class that derives from
             ``joshua.guardian.safe_stop.SafeStopRequest`` and is importable without numpy. Without one the
             start-up table warns: if the driver dies, the joints keep their last goal.
-        stops_itself: the device's own dead-man's switch stops the joints when the driver falls silent, so
-            that it needs no ``safe_stop``.
+        stops_itself: the device has a dead-man's switch that stops the joints without a driver, so it needs
+            no ``safe_stop``.
         bus_tools: import string of the ``BusTools`` of an actuator on a bus of motors, with which `joshua
             find-port`, `joshua motors` and `joshua doctor` work outside a run.
     """
@@ -131,7 +131,7 @@ class SensorSpec(DeviceSpec):
     """A sensor.
 
     Attributes:
-        terminal: the node reads the terminal that the run was started from; one node of a run may.
+        terminal: the node reads the terminal of the run. Only one node of a run may do so.
     """
 
     kind: ClassVar[str] = "sensor"
@@ -153,7 +153,7 @@ class StoreSpec(PluginSpec):
     """A data store: ``implementation`` is the behaviour of its node.
 
     Attributes:
-        all_topics: it subscribes to all that the run publishes, not only to what becomes a feature.
+        all_topics: it subscribes to all topics of the run, not only to those of features.
     """
 
     kind: ClassVar[str] = "store"
@@ -181,9 +181,9 @@ class SimulatorSpec(PluginSpec):
 
     Attributes:
         sim_adapter: import string of its ``joshua.plugins.emulator.SimAdapter``, with which ``--sim``
-            puts simulated devices in place of the real ones.
+            replaces real devices by simulated ones.
         packaged_files: import string of a light function that takes a name, such as a ``model_path``, and
-            returns the path of the file of that name which ships with the plugin, or None.
+            returns the path of the plugin's file of that name, or None.
     """
 
     kind: ClassVar[str] = "simulator"
@@ -203,11 +203,11 @@ class EmulatorSpec(PluginSpec):
 class ModeOffer(PluginSpec):
     """An operation mode: ``implementation`` is its ``joshua.modes.ModeSpec``.
 
-    ``enum_values`` names the one mode of the schema that it answers for, or MODE_PLUGIN for a mode of the
-    plugin's own. ``block`` is the message of its settings in ``general.plugin_config``; "" if it has none.
+    ``enum_values`` is one mode of the schema, or MODE_PLUGIN for a mode of the plugin. ``block`` is the
+    message of its settings in ``general.plugin_config``; "" if it has none.
 
     Attributes:
-        name: of a mode of the plugin's own, as ``general.plugin_mode`` gives it.
+        name: of a mode of the plugin, as in ``general.plugin_mode``.
     """
 
     kind: ClassVar[str] = "mode"
@@ -218,17 +218,16 @@ class ModeOffer(PluginSpec):
 class TransportSpec(PluginSpec):
     """A transport of ROS 2 topics: ``implementation`` derives from ``joshua.api.transports.Transport``.
 
-    ``enum_values`` names the one kind of the schema that it provides, or TRANSPORT_PLUGIN for a kind of the
-    plugin's own.
+    ``enum_values`` is one kind of the schema, or TRANSPORT_PLUGIN for a kind of the plugin.
 
     Attributes:
-        name: of a kind of the plugin's own, as ``transport.plugin_kind`` gives it.
-        rmw_implementations: values of ``RMW_IMPLEMENTATION`` that choose it, beside those of ROS 2 itself.
-        library: module that must be installed for it, which is looked for and not imported; "" for none.
+        name: of a kind of the plugin, as in ``transport.plugin_kind``.
+        rmw_implementations: values of ``RMW_IMPLEMENTATION`` that select it, in addition to those of ROS 2.
+        library: required module, which is searched for but not imported; "" for none.
         prepare: import string of a light function that the supervisor calls with the ``TransportSettings``
-            before nodes start. It raises ``TransportError`` where they cannot be used on this machine, and
-            returns what it hosts for the nodes, or None.
-        limits: what of ROS 2 it does not carry and what to do, a sentence of the start-up table.
+            before nodes start. It raises ``TransportError`` if they cannot be used on this machine, and
+            returns an object that it hosts for the nodes, or None.
+        limits: parts of ROS 2 that it does not support and what to do, a sentence of the start-up table.
     """
 
     kind: ClassVar[str] = "transport"
@@ -252,10 +251,10 @@ class TransportSpec(PluginSpec):
 
 
 class ExtensionSpec(PluginSpec):
-    """What a plugin adds to every node in the ROS 2 graph, such as services.
+    """An addition to every node in the ROS 2 graph, such as services.
 
-    ``implementation`` is a function that takes a ``joshua.api.nodes.ExtendedNode``, once, when the node is
-    activated over a transport that carries services. What it raises is a warning of the node. Its
+    ``implementation`` is a function that takes a ``joshua.api.nodes.ExtendedNode``, called once when the node
+    is activated over a transport that supports services. Its exceptions become warnings of the node. Its
     module is imported once, by the process that nodes are forked from, so its import must start no thread.
 
     Attributes:
@@ -269,11 +268,11 @@ class ExtensionSpec(PluginSpec):
 
 @dataclass(frozen=True)
 class Environment:
-    """A task that trainers can learn, as data.
+    """A task for trainers, as data.
 
     Attributes:
-        id: what ``environment_id`` takes, such as ``joshua/SoArm100Reach-v0``.
-        rewards: what ``reward_function`` takes, the default first.
+        id: value of ``environment_id``, such as ``joshua/SoArm100Reach-v0``.
+        rewards: values of ``reward_function``, the default first.
         summary: one line for people.
     """
 
@@ -283,9 +282,9 @@ class Environment:
 
 
 class EnvironmentSpec(PluginSpec):
-    """Tasks that trainers can learn: ``implementation`` is a function that makes any of them.
+    """Tasks for trainers. ``implementation`` is a function that makes any of them.
 
-    ``make(environment_id, reward_function=…, num_envs=…, seed=…)`` returns a vectorised one.
+    ``make(environment_id, reward_function=…, num_envs=…, seed=…)`` returns a vectorised environment.
 
     Attributes:
         environments: at least one.

@@ -1,4 +1,4 @@
-"""Import strings of specs: loading them, and the deep check that each one is what it claims to be."""
+"""Import strings of specs: loading them, and a deep check of each one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from joshua.plan.facts import ServiceFacts
     from joshua.plugins.specs import PluginSpec
 
-#: Import strings of a spec, with what each must derive from; "" for anything.
+#: Import strings of a spec, with their required base classes; "" for any.
 ROLES = {
     "behaviour": "joshua.node.behaviour:NodeBehaviour",
     "settings": "joshua.plugins.settings:BlockSettings",
@@ -23,7 +23,7 @@ ROLES = {
 }
 
 
-#: Arguments that the runtime constructs the implementations of a base class with.
+#: Constructor arguments of the implementations, by base class.
 _MADE_WITH = {
     "joshua.devices.actuator:Actuator": ("settings", "context"),
     "joshua.devices.sensor:Sensor": ("settings", "context"),
@@ -36,16 +36,16 @@ _MADE_WITH = {
 
 
 class TargetError(Exception):
-    """An import string leads nowhere; the message names it and the reason.
+    """An import string cannot be loaded. The message names it and the reason.
 
-    A node that fails with it ends with the exit code of a plugin that is not installed.
+    A node that fails with it ends with the exit code of a missing plugin.
     """
 
     exit_code = 3
 
 
 def load_target(import_string: str) -> Any:
-    """Imports what an import string such as ``acme.gripper:Gripper`` names. Raises TargetError."""
+    """Load an import string such as ``acme.gripper:Gripper``. Raises TargetError."""
     module_name, _, attribute = import_string.partition(":")
     try:
         target: Any = importlib.import_module(module_name)
@@ -60,13 +60,13 @@ def load_target(import_string: str) -> Any:
 
 
 def make_environment(facts: ServiceFacts, *, num_envs: int = 0) -> Any:
-    """Makes the ``gymnasium.vector.VectorEnv`` of a plan, seeded where the file has a seed.
+    """Make the ``gymnasium.vector.VectorEnv`` of a plan, seeded if the file has a seed.
 
     Args:
-        facts: of the trainer's node; num_envs: another number than the file's, 0 for the file's.
+        facts: of the trainer's node; num_envs: number of environments, 0 for the file's.
 
     Raises:
-        ValueError: the plan has no environment; TargetError: the plugin that offers it cannot be imported.
+        ValueError: the plan has no environment; TargetError: its plugin cannot be imported.
     """
     chosen = facts.environment
     if chosen is None:
@@ -80,11 +80,11 @@ def make_environment(facts: ServiceFacts, *, num_envs: int = 0) -> Any:
 
 
 def check_targets(spec: PluginSpec) -> list[str]:
-    """Import everything that a spec names and check what needs no device; lists what is wrong.
+    """Import everything that a spec names and check it without a device. Returns the problems.
 
-    That is base classes, missing methods, the constructor, and the settings against the block.
-    This imports drivers, so it belongs to the launch and to ``joshua plugins --check``, never to a
-    listing or a validation. What has a behaviour of its own may use any implementation class.
+    Checks base classes, missing methods, the constructor, and the settings against the block. It imports
+    drivers, so only the launch and ``joshua plugins --check`` call it, never a listing or a validation. A
+    spec with a custom behaviour may use any implementation class.
     """
     own_base = "" if getattr(spec, "behaviour", "") else spec.base
     problems: list[str] = []
@@ -110,7 +110,7 @@ def check_targets(spec: PluginSpec) -> list[str]:
 
 
 def _unfinished(target: type, made_with: tuple[str, ...]) -> list[str]:
-    """Abstract methods that a class leaves out, and a constructor that the runtime cannot call."""
+    """Find missing abstract methods, and a constructor that the runtime cannot call."""
     import inspect
 
     missing = sorted(getattr(target, "__abstractmethods__", ()))
@@ -125,7 +125,7 @@ def _unfinished(target: type, made_with: tuple[str, ...]) -> list[str]:
 
 
 def _unlike_the_block(settings_type: Any, spec: PluginSpec) -> list[str]:
-    """Settings that read a field which the block does not have, and an actuator's that name no joints."""
+    """Find settings that read a missing field of the block, and settings of actuators without joints."""
     from joshua.plugins.hints import block_message
     from joshua.plugins.settings import ActuatorSettings, BlockSettings, source_of
 
@@ -153,7 +153,7 @@ def _unlike_the_block(settings_type: Any, spec: PluginSpec) -> list[str]:
 
 
 def _derives(target: object, base_string: str) -> bool:
-    """Whether a class derives from another, by name: what it derives from has been imported with it."""
+    """Whether a class derives from another, by name, because its bases are already imported."""
     bases = target.__mro__ if isinstance(target, type) else ()
     return base_string in (f"{base.__module__}:{base.__qualname__}" for base in bases)
 

@@ -1,4 +1,4 @@
-"""Verifies what a plugin declares against the schema, before anything of it is used."""
+"""Verifies the declarations of a plugin against the schema, before use."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _NAME = r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*"
 _IMPORT_STRING = re.compile(f"{_NAME}:{_NAME}")
 _MESSAGE_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+")
 
-#: Modes that the core leaves to plugins.
+#: Modes that plugins provide.
 MODES_OF_PLUGINS = ("MODE_CALIBRATION", "MODE_PLUGIN")
 
 
@@ -42,14 +42,14 @@ def _message_fields(message: Any) -> tuple[str, ...]:
 
 @cache
 def _own_blocks() -> dict[str, str]:
-    """Action types that fit one block only, with it."""
+    """Action types with only one block, and that block."""
     fields = pb.SingleAction.DESCRIPTOR.oneofs_by_name["actuator_config"].fields
     return {value: field.name for field in fields for value in block_rule(field.message_type).fits}
 
 
 @cache
 def _answerable() -> dict[type[PluginSpec], tuple[tuple[str, ...], tuple[str, ...]]]:
-    """The schema's blocks and enum values that each kind may answer for; ``…_UNSPECIFIED`` is never one."""
+    """The schema's blocks and enum values allowed for each kind, without ``…_UNSPECIFIED``."""
     actuators, sensors = _message_fields(pb.SingleAction), _message_fields(pb.SinglePerception)
     actions, perceptions, backends = pb.ActionType, pb.PerceptionType, pb.SimulatorBackend
     table: dict[type[PluginSpec], tuple[tuple[str, ...], tuple[Any, ...]]] = {
@@ -81,9 +81,9 @@ def _answerable_by(spec: PluginSpec) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def verify_specs(specs: Iterable[object]) -> list[str]:
-    """Lists what is wrong with what a plugin declares; empty where all is well.
+    """List the problems of a plugin's declarations.
 
-    Imports the message modules of third-party blocks, and nothing else of the plugin.
+    Imports only the message modules of third-party blocks.
     """
     problems: list[str] = []
     seen: set[tuple[str, str, str]] = set()
@@ -205,7 +205,7 @@ def _transport_problems(spec: TransportSpec) -> list[str]:
 
 
 def _nearest(name: str, known: tuple[str, ...], count: int | None = None) -> str:
-    import difflib  # costs time that only an error is worth
+    import difflib  # slow, so only for errors
 
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
     ordered = [*near, *(value for value in known if value not in near)]

@@ -1,8 +1,8 @@
-"""The comments of a proto file, which the documentation of every option is taken from.
+"""The comments of a proto file, from which the documentation of every option is made.
 
-Compiling a proto drops its comments, so they are kept in a JSON table beside the compiled module:
-``config_pb2.comments.json`` beside ``config_pb2.py``. Keys are full names; an enum value is named with
-its enum, as in ``joshua.OperationMode.MODE_TEST``; the key "" holds the comment at the head of the file.
+Compiling a proto drops its comments, so a JSON table beside the compiled module contains them:
+``config_pb2.comments.json`` beside ``config_pb2.py``. Keys are full names. The key of an enum value includes
+its enum, as in ``joshua.OperationMode.MODE_TEST``. The key "" has the comment at the head of the file.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ def comment(descriptor: Any) -> str:
 def _table_of(descriptor: Any) -> dict[str, str]:
     owner = descriptor
     while getattr(owner, "file", None) is None:
-        # An enum value knows its enum, a field or oneof its message.
+        # An enum value refers to its enum, a field or oneof to its message.
         owner = getattr(owner, "containing_type", None) or owner.type
     return _load(owner.file.name)
 
 
 @cache
 def _load(proto_name: str) -> dict[str, str]:
-    """Finds the compiled module of a proto file among those that are imported, and the table beside it."""
+    """Find the compiled module of a proto file among the imported ones, and load its table."""
     for name, module in list(sys.modules.items()):
         if not name.endswith("_pb2"):
             continue

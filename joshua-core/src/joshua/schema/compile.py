@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 # The folder from which "joshua/schema/options.proto" is found.
 PACKAGE_ROOT = Path(__file__).resolve().parents[2]
 
-# What the paths of source locations are made of: parts of a descriptor, and their field numbers in
-# descriptor.proto.
+# Components of source location paths: parts of a descriptor, and their field numbers in descriptor.proto.
 _SYNTAX = 12
 _PARTS = {
     "FileDescriptorProto": (("message_type", 4), ("enum_type", 5), ("extension", 7)),
@@ -36,7 +35,7 @@ _PARTS = {
 
 
 class CompileError(Exception):
-    """A proto file that cannot be compiled; the text is for the author of the file."""
+    """A proto file cannot be compiled. The text is for the author of the file."""
 
 
 def compile_protos(names: Sequence[str], search: Sequence[str], out: Path) -> list[Path]:
@@ -45,7 +44,7 @@ def compile_protos(names: Sequence[str], search: Sequence[str], out: Path) -> li
     Args:
         names: of the files, as other files import them: ``acme_gripper/gripper.proto``.
         search: folders that names are looked up in, or ``virtual=folder`` pairs, as protoc takes them.
-        out: folder that the modules are written below, at the names' paths.
+        out: root folder of the written modules, at the names' paths.
 
     Returns:
         The files written: for each name the module, its type stub and its comments.
@@ -97,7 +96,7 @@ def comment_table(file: FileDescriptorProto) -> dict[str, str]:
 
 
 def _names(item: Any, path: tuple[int, ...], name: str) -> Iterator[tuple[tuple[int, ...], str]]:
-    """Paths and full names of what stands in a descriptor."""
+    """Paths and full names of a descriptor's elements."""
     for part, number in _PARTS.get(type(item).__name__, ()):
         for index, inner in enumerate(getattr(item, part)):
             inner_path, inner_name = (*path, number, index), f"{name}.{inner.name}".removeprefix(".")
@@ -117,7 +116,7 @@ def _reflow(text: str) -> str:
 
 
 def import_root(proto: Path) -> Path:
-    """Returns the folder that a proto's package is imported from: the first above without ``__init__.py``."""
+    """Return the import root of a proto's package: the first parent folder without ``__init__.py``."""
     folder = proto.resolve().parent
     while (folder / "__init__.py").is_file():
         folder = folder.parent
@@ -125,7 +124,7 @@ def import_root(proto: Path) -> Path:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command; 0 when all files are compiled, 2 when one cannot be."""
+    """Run the command. Return 0 if all files are compiled, 2 if one cannot be."""
     parser = argparse.ArgumentParser(
         prog="python -m joshua.schema.compile",
         description="Compile a plugin's proto file, with the comments that `joshua explain` shows.",

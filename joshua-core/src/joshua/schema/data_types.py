@@ -1,4 +1,4 @@
-"""The DataType enum and the ROS 2 type names that its values stand for."""
+"""The DataType enum and the ROS 2 type names of its values."""
 
 from __future__ import annotations
 

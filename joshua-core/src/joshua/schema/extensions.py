@@ -1,4 +1,4 @@
-"""Which parts of the schema the specification fixes and which are extensions."""
+"""Distinguishes parts of the schema defined by the specification from extensions."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from joshua.schema.rules import FIRST_EXTENSION_NUMBER
 
 _PACKAGE = "joshua"
 _FIRST_EXTENSION_DATA_TYPE = 1000
-# The specification names this block and leaves its fields open.
+# The specification names this block but does not define its fields.
 _OPEN_MESSAGES = frozenset(("joshua.Calibration",))
 
 
 def is_extension(descriptor: Any) -> bool:
-    """Tells whether a field or enum value of the core's schema is an extension of the specification.
+    """Whether a field or enum value of the core's schema is an extension of the specification.
 
     Args:
-        descriptor: FieldDescriptor or EnumValueDescriptor; those of plugins are no extensions.
+        descriptor: FieldDescriptor or EnumValueDescriptor. Those of plugins are no extensions.
     """
     specified_messages, specified_enums = _specified()
     message = getattr(descriptor, "containing_type", None)
@@ -36,7 +36,7 @@ def is_extension(descriptor: Any) -> bool:
 
 @cache
 def _specified() -> tuple[frozenset[str], frozenset[str]]:
-    """Full names of the messages and enums that are reached by specified fields alone."""
+    """Full names of the messages and enums that specified fields alone reach."""
     messages: set[str] = set()
     enums: set[str] = set()
     waiting: list[Any] = [config_pb2.Config.DESCRIPTOR]

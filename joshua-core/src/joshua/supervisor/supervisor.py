@@ -180,7 +180,7 @@ class Supervisor:
         if not self._processes:
             self._stop("the plan has no nodes for this machine", EXIT_FAILED)
             return
-        # The processes come up while this one opens the router. They join it when told to start.
+        # The processes start while this one opens the router. They join it when told to start.
         for process in self._processes:
             process.run = self._run
             process.spawn()
@@ -357,7 +357,7 @@ class Supervisor:
         self._reason, self._exit_code, self._interrupted = reason, exit_code, interrupted
         self._stop_began_s = time.monotonic()
         in_order = exit_code in (EXIT_OK, EXIT_INTERRUPTED)
-        known = [  # each has a line of its own
+        known = [  # each has a separate line
             (record.spec.full_name, record.reason) for record in self._records()
         ]
         text = f"stopping: {without_reasons(reason, known)}"

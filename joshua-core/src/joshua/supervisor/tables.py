@@ -1,6 +1,6 @@
-"""What a run shows of itself, laid out for a terminal: tables, the status line, log lines.
+"""Terminal output of a run: tables, the status line, log lines.
 
-Without a terminal nothing is cut or wrapped, so that a file or a program gets every column.
+Without a terminal, nothing is cut or wrapped, so a file or a program gets every column.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ _HOUSEKEEPING = ("/diagnostics", "/rosout", "/parameter_events")
 
 _GAP = "  "
 _NO_BREAK = "\N{NO-BREAK SPACE}"  # in a cell; printed as a space
-_NARROWEST = 12  # of a column that is shortened or wrapped
-_WRAPPED = 28  # columns are dropped before a wrapped one gets narrower than this
+_NARROWEST = 12  # minimum width of a shortened or wrapped column
+_WRAPPED = 28  # columns are dropped before a wrapped one becomes narrower than this
 _CONTROL = {code: f"\\x{code:02x}" for code in (*range(32), 127, *range(128, 160)) if code not in (9, 10)}
 
 
 def clean(text: str) -> str:
-    """Make control characters visible, so that no node can control the user's terminal."""
+    """Make control characters visible, because a node must not control the user's terminal."""
     return text.translate(_CONTROL)
 
 
 @dataclass(frozen=True)
 class Screen:
-    """What text is laid out for: the columns of a terminal, 0 for no limit, and whether it shows colours."""
+    """Properties of a terminal: its columns, 0 for no limit, and whether it shows colours."""
 
     columns: int = 0
     colour: bool = False
@@ -89,7 +89,7 @@ class Cell(str):
 
 
 def shorten(text: str, width: int) -> str:
-    """Cut the middle out of a text that is too wide, so that both ends of a topic stay."""
+    """Cut the middle of a text that is too wide, keeping both ends of a topic."""
     if len(text) <= width:
         return text
     head = (width - 1) // 3
@@ -110,10 +110,10 @@ def columns(
 
     Args:
         rows: cells, plain or ``Cell``; header: whether the first row names the columns.
-        right: columns that are aligned at their right side.
-        group: column that becomes a line of its own above its rows, if the table is too wide.
-        drop: columns that are left out then, the least important first.
-        flexible: column that is shortened at last; the last column is wrapped instead.
+        right: right-aligned columns.
+        group: column that becomes a separate line above its rows if the table is too wide.
+        drop: columns that are then dropped, the least important first.
+        flexible: column that is shortened last; the last column is wrapped instead.
     """
     table = [[cell if isinstance(cell, Cell) else Cell(clean(cell)) for cell in row] for row in rows]
     widths = [max(len(cell) for cell in column) for column in zip(*table, strict=True)]
@@ -130,7 +130,7 @@ def columns(
         indent = _GAP
     full = widths[flexible or 0]
     if flexible is not None and flexible == kept[-1]:
-        widths[flexible] = min(full, _WRAPPED)  # it is better to wrap it than to drop a column
+        widths[flexible] = min(full, _WRAPPED)  # wrapping it is better than dropping a column
     for index in drop:
         if excess() > 0:
             kept.remove(index)
@@ -212,12 +212,12 @@ def _node_rows(node: NodeRow, short_types: int) -> list[tuple[str, ...]]:
 
 
 def status_lines(status: RunStatus, screen: Screen = PLAIN) -> list[str]:
-    """The live status: one line, or one line a node if that is too wide.
+    """The live status: one line, or one line per node if that is too wide.
 
-    It shows the time, then each node's state or the rates of what it publishes.
+    It shows the time, then each node's state or publish rates.
     """
     head = f"{status.phase} {status.elapsed_s:.0f} s"
-    # What a node shows of itself comes first, because a narrow terminal may cut the rest off.
+    # A node's own text comes first, because a narrow terminal may cut the rest.
     nodes = [node_cells(node) for node in sorted(status.nodes, key=lambda node: not node.shown)]
     width = screen.columns - 1 if screen.columns else 0
     line = " | ".join([head, *(" ".join(cells) for cells in nodes)])
@@ -227,7 +227,7 @@ def status_lines(status: RunStatus, screen: Screen = PLAIN) -> list[str]:
 
 
 def node_cells(node: NodeStatus, *, full_topics: bool = False) -> list[Cell]:
-    """A node's state in cells: its name, what it shows, its progress, and the rates of what it publishes."""
+    """A node's state in cells: its name, its text, its progress, and its publish rates."""
     if node.state != "ready":
         return [Cell(clean(node.full_name)), state_cell(node)]
     texts = [node.full_name, *([f"[{node.shown}]"] if node.shown else [])]
@@ -258,7 +258,7 @@ def _rate_cells(node: NodeStatus, full_topics: bool) -> list[Cell]:
 
 
 def _fit(cells: Sequence[Cell], width: int, screen: Screen) -> str:
-    """Join cells, and cut them off at a width; 0 for no limit."""
+    """Join cells, and cut them at a width; 0 for no limit."""
     shown, left = [], width or sum(len(cell) + 1 for cell in cells)
     for cell in cells:
         text: str = cell if len(cell) <= left else f"{cell[: max(left - 1, 0)]}…"
@@ -270,7 +270,7 @@ def _fit(cells: Sequence[Cell], width: int, screen: Screen) -> str:
 
 
 def progress_text(progress: Progress) -> str:
-    """How far work has got, such as ``episodes 3/10, 0.5/s, 14 s left``."""
+    """Progress of work, such as ``episodes 3/10, 0.5/s, 14 s left``."""
     total = "" if progress.total is None else f"/{progress.total:g}"
     unit = f" {progress.unit}" if progress.unit and progress.unit != progress.name else ""
     text = f"{progress.name} {progress.current:g}{total}{unit}"
@@ -316,7 +316,7 @@ def report_lines(report: RunReport, screen: Screen = PLAIN) -> list[str]:
 
 
 def _rate_rows(node: NodeReport) -> list[tuple[str, ...]]:
-    # a run that is too short for three messages says nothing about their rate
+    # a rate needs at least three messages
     length_s = max((timer.ticks * timer.period_s for timer in node.timers), default=0.0)
 
     def achieved(rate_hz: float, target_hz: float) -> str:

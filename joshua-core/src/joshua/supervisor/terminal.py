@@ -16,7 +16,7 @@ from joshua.supervisor.tables import Screen, log_line, report_lines, start_lines
 #: Time between two status lines if the output is not a terminal.
 PLAIN_STATUS_PERIOD_S = 10.0
 
-#: How long the last lines may take to be written.
+#: Time limit for writing the last lines.
 CLOSE_TIMEOUT_S = 2.0
 
 _STYLES = {"WARNING": "33", "ERROR": "31", "CRITICAL": "31;1", "DEBUG": "2"}
@@ -40,7 +40,7 @@ class Terminal:
         self._writer = BackgroundWriter[tuple[TextIO, str]](self._write, "terminal")
 
     def __call__(self, event: Event) -> None:
-        """Show an event; the log shows all others in words."""
+        """Show an event. The others appear in the log."""
         if isinstance(event, StartTable):
             self._on_table(event)
         elif isinstance(event, RunStatus):
@@ -55,7 +55,7 @@ class Terminal:
         self._put(self._output, "\n".join(start_lines(table, Screen.of(self._output))) + "\n")
 
     def _on_status(self, status: RunStatus) -> None:
-        """Update the status in place; without a terminal, print one now and then."""
+        """Update the status in place, or print it periodically without a terminal."""
         if self._live:
             clear = self._clear() or "\r\x1b[K"
             rows = shutil.get_terminal_size().lines
@@ -73,7 +73,7 @@ class Terminal:
         self._put(self._errors, screen.paint(log_line(entry, screen), style) + "\n")
 
     def _on_finish(self, report: RunReport) -> None:
-        """Show the end-of-run table and write what waits."""
+        """Show the end-of-run table and write pending output."""
         clear, self._status = self._clear(), []
         if clear:
             self._writer.put((self._output, clear))
@@ -81,7 +81,7 @@ class Terminal:
         self._writer.close(CLOSE_TIMEOUT_S)
 
     def _clear(self) -> str:
-        """What removes the status from the terminal; "" if none stands there."""
+        """The sequence that removes the status from the terminal; "" if none is shown."""
         if not self._status:
             return ""
         above = len(self._status) - 1

@@ -1,4 +1,4 @@
-"""The conformance kit for plugin authors and the pytest fixtures; loads nothing until a check is used.
+"""The conformance kit for plugin authors and the pytest fixtures. Checks are loaded at first use.
 
 ``check_actuator(factory)``, ``check_sensor(factory)`` and ``check_model(factory)`` check a driver or model
 against the contract of its base class, and raise ``ConformanceError`` with every clause that it violates.

@@ -1,6 +1,6 @@
 """The conformance check of actuators.
 
-Why one file: the clauses of one contract, in the order in which they run, with the motions that they share.
+Why one file: the clauses of one contract, in the order in which they run, with their shared motions.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ActuatorFactory = Callable[[], Actuator]
 
 NO_SAFE_STOP = "no safe stop: if this driver dies, the joints keep their last goal"
 
-#: A machine that stalls hides a motion, or shows one that was to be over; a clause then tries again.
+#: A system stall can hide or prolong a motion, so a clause then tries again.
 ATTEMPTS = 6
 STALL_S = 0.02
 
@@ -51,13 +51,13 @@ def check_actuator(
 ) -> None:
     """Check a driver against the contract of ``joshua.devices.actuator.Actuator``.
 
-    The joints move about 0.2 rad within their limits. Run it on a simulator, an emulator, or an arm that
-    has room. What the factory opens itself, such as an emulator, is not held against the driver.
+    The joints move about 0.2 rad within their limits. Run it on a simulator, an emulator, or an arm with free
+    space. Resources that the factory opens, such as an emulator, are not attributed to the driver.
 
     Args:
         factory: makes an actuator that is not connected; each call a new one.
-        unplug: makes an open device vanish, such as by closing the far end of its link. Without it the
-            clause about disconnection is left out.
+        unplug: disconnects an open device, for example by closing the far end of its link. Without it, the
+            clause about disconnection is skipped.
         timeout_s: how long a motion or the detection of a disconnection may take.
         only: names of the clauses to check, such as ``("limits",)`` while you fix one; empty for all.
 
@@ -355,7 +355,7 @@ class _Clauses:
         must("stop.torque", told is None or not any(told.values()), type(off).__name__, told)
 
     def _request(self, device: Actuator, action: str) -> SafeStopRequest | None:
-        """Return the driver's request; None from one that has no safe stop and need not."""
+        """Return the driver's request; None if it has no safe stop and needs none."""
         try:
             request: object = device.safe_stop_request(action, timeout_s=self._timeout_s)
         except NotImplementedError:
@@ -371,7 +371,7 @@ class _Clauses:
     def instances(self) -> None:
         with lifecycle.made(self._factory) as first, lifecycle.made(self._factory) as second:
             if not lifecycle.both_open(first, second):
-                return  # one device cannot be opened twice: nothing else to check
+                return  # the device cannot be opened twice: nothing else to check
             first.enable()
             still = second.read().position_rad
             first.write(_far(first))
@@ -391,7 +391,7 @@ def _check_stop(request: SafeStopRequest, state: str) -> None:
 
 
 def _spec_of(device: Actuator) -> ActuatorSpec | None:
-    """Return what an installed plugin declares of a driver; None for one that no plugin names."""
+    """Return the spec of a driver from the installed plugins; None if there is none."""
     name = f"{type(device).__module__}:{type(device).__qualname__}"
     specs = (spec for row in load_registry().rows() for spec in row.specs)
     return next(

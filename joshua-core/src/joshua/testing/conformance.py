@@ -1,4 +1,4 @@
-"""Clauses of a contract: how the conformance kit runs them and reports what violates them."""
+"""Clauses of a contract: running them and reporting violations."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class ViolationError(Exception):
 
 
 def violation(row: str, *values: object) -> ViolationError:
-    """Return the violation of a row of ``violations.json``; values go into what was observed."""
+    """Return the violation of a row of ``violations.json``. The values complete its observation."""
     observed, why, cause = _rows()[row]
     return ViolationError(observed.format(*values), why, cause)
 
@@ -62,7 +62,7 @@ def must_refuse(row: str, call: Callable[[], object], errors: type[Exception], *
 
 
 def require(holds: bool, observed: str, *, why: str, cause: str) -> None:
-    """End the clause unless something holds; for kits with texts of their own. Raises ViolationError."""
+    """End the clause unless something holds, for kits with their own texts. Raises ViolationError."""
     if not holds:
         raise ViolationError(observed, why, cause)
 
@@ -87,7 +87,7 @@ def said(error: BaseException) -> str:
 
 @functools.cache
 def _rows() -> dict[str, tuple[str, str, str]]:
-    """What each violation says: what was observed, why it is wrong, and the likely cause."""
+    """Texts of each violation: what was observed, why it is wrong, and the likely cause."""
     text = Path(__file__).with_name("violations.json").read_text(encoding="utf-8")
     return {row: (observed, why, cause) for row, (observed, why, cause) in json.loads(text).items()}
 
@@ -96,7 +96,7 @@ class Checklist:
     """Runs clauses one by one and collects their violations.
 
     Args:
-        subject: name of what is checked.
+        subject: name of the checked object.
         only: names of the clauses to check; empty for all.
     """
 

@@ -10,21 +10,21 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-# Domains above 101 can meet the ephemeral ports of Linux (ROS 2 documentation, «The ROS_DOMAIN_ID»).
+# Domains above 101 can collide with ephemeral ports of Linux (ROS 2 documentation, "The ROS_DOMAIN_ID").
 _DOMAINS = range(1, 102)
 
 
 def reserve(kind: str, numbers: Sequence[int]) -> tuple[int, int]:
     """Reserve a number across all processes of this user: the one that has been free for longest.
 
-    What an earlier test has killed may still hold the number that became free last.
+    A killed process of an earlier test may still use the number that was freed last.
 
     Args:
         kind: what the numbers are, such as ``domains``.
         numbers: to choose from.
 
     Returns:
-        The number, and the descriptor whose closing frees it.
+        The number, and a descriptor. Closing it frees the number.
 
     Raises:
         RuntimeError: every number is taken.
@@ -46,7 +46,7 @@ def reserve(kind: str, numbers: Sequence[int]) -> tuple[int, int]:
 
 @contextmanager
 def reserved_domain() -> Iterator[int]:
-    """Reserve a ROS 2 domain id for the time of the context. Raises RuntimeError if none is free."""
+    """Reserve a ROS 2 domain id during the context. Raises RuntimeError if none is free."""
     domain_id, descriptor = reserve("domains", _DOMAINS)
     try:
         yield domain_id

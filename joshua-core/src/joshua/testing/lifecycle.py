@@ -95,7 +95,7 @@ def check_nothing_left(
     factory: Callable[[], Any], use: Callable[[Any], object], close: Close = disconnect
 ) -> None:
     """After closing no thread and no file handle is left."""
-    for _ in range(2):  # what a first use loads for good is no leak
+    for _ in range(2):  # resources loaded permanently at first use are no leak
         with made(factory, close) as subject:
             before = resources.take()
             if hasattr(subject, "connect"):

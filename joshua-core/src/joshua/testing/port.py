@@ -1,4 +1,4 @@
-"""A TCP port that neither the system nor another test hands out at the same time."""
+"""A TCP port that neither the system nor another test uses at the same time."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 from joshua.testing.domain import reserve
 
-# Linux gives ports from 32768 on to programs that ask for any port, so one that was free a moment ago may be
-# taken when a test uses it. Below, a port belongs to programs that name it; from 20000 on to the routers.
+# Linux assigns ports from 32768 on to programs that request any port, so a free one may be taken before a
+# test uses it. Lower ports are used only by programs that name them, those from 20000 on by the routers.
 _PORTS = range(21_000, 32_000)
 _BLOCK = 100
 _lock = threading.Lock()
@@ -20,13 +20,13 @@ _blocks: dict[int, Iterator[int]] = {}
 
 
 def free_port() -> int:
-    """Return a free TCP port on loopback, which no other test process gets while this process lives.
+    """Return a free TCP port on loopback, reserved for the lifetime of this process.
 
     Raises:
         RuntimeError: every port is taken.
     """
     with _lock:
-        pid = os.getpid()  # a fork takes ports of its own
+        pid = os.getpid()  # a fork reserves its own ports
         if pid not in _blocks:
             start, _ = reserve("ports", _PORTS[::_BLOCK])  # for the life of this process
             _blocks[pid] = itertools.cycle(range(start, start + _BLOCK))

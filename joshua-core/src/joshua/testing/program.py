@@ -1,4 +1,4 @@
-"""The program ``joshua`` as a child process, apart from everything else that runs on this machine."""
+"""The program ``joshua`` as a child process, isolated from everything else on this machine."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from joshua.testing.port import free_port
 #: Time that a run may take to shut down cleanly before it is killed.
 STOP_S = 40.0
 
-#: A router's port is this plus its domain: below the ports that systems assign to connections.
+#: A router's port is this plus its domain: below the ephemeral ports of systems.
 ROUTER_PORTS = 20_000
 
 
 class JoshuaProgram:
-    """Runs ``joshua`` with a domain, a router, a run directory and logs of its own.
+    """Runs ``joshua`` with a separate domain, router, run directory and log folder.
 
     Args:
         folder: holds run directory and logs; also the working directory.
@@ -50,11 +50,11 @@ class JoshuaProgram:
         """Run ``joshua`` to its end.
 
         Args:
-            arguments: of the command line; a run with ``--config`` gets the router of its own.
+            arguments: of the command line. A run with ``--config`` gets its own router.
             timeout_s: after which it is stopped.
 
         Raises:
-            subprocess.TimeoutExpired: it took longer; carries what it has printed.
+            subprocess.TimeoutExpired: it took longer. The exception contains the output.
         """
         process = self.start(*arguments)
         try:
@@ -65,7 +65,7 @@ class JoshuaProgram:
         return subprocess.CompletedProcess(process.args, process.returncode, output, errors)
 
     def start(self, *arguments: str) -> subprocess.Popen[str]:
-        """Start ``joshua`` and return at once; ``stop`` ends it, at the latest after the test."""
+        """Start ``joshua`` and return immediately. ``stop`` ends it, at the latest after the test."""
         process = subprocess.Popen(
             [sys.executable, "-m", "joshua.cli.main", *self._with_router(arguments)],
             cwd=self.folder,
@@ -79,7 +79,7 @@ class JoshuaProgram:
         return process
 
     def stop(self, process: subprocess.Popen[str]) -> tuple[str, str]:
-        """Stop a run as Ctrl-C does, or kill it after ``STOP_S``; return output and errors."""
+        """Stop a run like Ctrl-C, or kill it after ``STOP_S``. Return output and errors."""
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
         try:
@@ -104,7 +104,7 @@ class JoshuaProgram:
 
 
 def router_port(domain_id: int) -> int:
-    """Return the port of a domain's router: while the domain is reserved, no other test gets it."""
+    """Return the port of a domain's router. It is reserved together with the domain."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

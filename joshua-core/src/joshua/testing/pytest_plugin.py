@@ -1,4 +1,4 @@
-"""Fixtures for tests of robots and plugins; pytest loads them wherever joshua-core is installed."""
+"""Fixtures for tests of robots and plugins. pytest loads them if joshua-core is installed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def joshua_domain_id(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    """A ROS 2 domain of this test's own, also set as ``ROS_DOMAIN_ID``."""
+    """A ROS 2 domain for this test only, also set as ``ROS_DOMAIN_ID``."""
     from joshua.testing.domain import reserved_domain
 
     with reserved_domain() as domain_id:

@@ -1,4 +1,4 @@
-"""A node context for tests of behaviours, without process and transport: it records the calls."""
+"""A node context that records calls, for tests of behaviours without process and transport."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from joshua.plan.events import Progress
 
 
 class RecordingPublisher(MessagePublisher):
-    """Keeps what is published; ``messages`` holds it in order."""
+    """Records published messages in ``messages``."""
 
     def __init__(self, topic: TopicSpec) -> None:
         self.topic = topic
@@ -34,8 +34,8 @@ class RecordingContext(NodeContext):
     """The context of a behaviour in a test, in place of the runtime's.
 
     The test runs timers (``tick``), delivers messages (``receive``), and reads what the behaviour reported:
-    ``failures``, ``warnings``, ``faults``, ``ends``, ``shown``, ``waits``, ``progresses``. Threads are real;
-    ``stop`` joins them and raises what one of them raised.
+    ``failures``, ``warnings``, ``faults``, ``ends``, ``shown``, ``waits``, ``progresses``. Threads are real.
+    ``stop`` joins them and raises their exception, if any.
 
     Args:
         spec: the node's part of the plan.
@@ -79,7 +79,7 @@ class RecordingContext(NodeContext):
     def spawn_thread(
         self, target: Callable[[], None], *, name: str, hang_after_s: float | None = None
     ) -> None:
-        del hang_after_s  # nobody looks for signs of life here
+        del hang_after_s  # heartbeats are not checked here
 
         def run() -> None:
             try:

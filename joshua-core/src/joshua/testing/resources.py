@@ -1,4 +1,4 @@
-"""File handles and threads of this process: what a device opened, and what it left behind."""
+"""File handles and threads of this process that a device opened or left behind."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-#: Time that a thread or handle may take to go after the device was closed, also on a machine that stalls.
+#: Time limit for a thread or handle to end after the device was closed, also during a system stall.
 GRACE_S = 10.0
 
 _DESCRIPTORS = Path("/proc/self/fd" if sys.platform == "linux" else "/dev/fd")
@@ -20,7 +20,7 @@ _DESCRIPTORS = Path("/proc/self/fd" if sys.platform == "linux" else "/dev/fd")
 
 @dataclass(frozen=True)
 class Resources:
-    """What the process holds at one moment: file handles with their targets, and threads."""
+    """Resources of the process at one moment: file handles with their targets, and threads."""
 
     handles: frozenset[tuple[int, str]]
     threads: frozenset[threading.Thread]
@@ -45,13 +45,13 @@ def take() -> Resources:
             target = str(entry.readlink()) if sys.platform == "linux" else entry.name
             os.fstat(int(entry.name))
         except OSError:
-            continue  # the handle that lists the folder, or one that another thread closed meanwhile
+            continue  # the handle of the listing itself, or one that another thread closed meanwhile
         handles.add((int(entry.name), target))
     return Resources(frozenset(handles), frozenset(threading.enumerate()))
 
 
 def left_since(before: Resources) -> str:
-    """Describe what is still there after a time of grace and was not before; "" for nothing."""
+    """Describe new resources that remain after a grace period; "" for none."""
     end = time.monotonic() + GRACE_S
     while (left := take().since(before)) and time.monotonic() < end:
         time.sleep(0.02)
@@ -60,7 +60,7 @@ def left_since(before: Resources) -> str:
 
 @contextmanager
 def opened_by_constructor(kind: type) -> Iterator[list[str]]:
-    """Collect what the constructor of a class opens; what the factory around it opens does not count."""
+    """Collect resources that the constructor of a class opens, without those of its factory."""
     inherited: Callable[..., None] = kind.__init__  # type: ignore[misc]
     own = "__init__" in vars(kind)
     opened: list[str] = []
@@ -81,13 +81,13 @@ def opened_by_constructor(kind: type) -> Iterator[list[str]]:
 
 
 def disconnect_since(before: Resources) -> None:
-    """Cut every handle opened since a moment: for the far end, the process that held it was killed."""
+    """Cut every handle opened since a moment, as if the process had been killed."""
     null = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
     for handle, target in take().handles - before.handles - {(null, os.devnull)}:
         with suppress(OSError):  # closed meanwhile
             if not target.startswith("socket:"):
                 os.dup2(null, handle, inheritable=False)
                 continue
-            with socket.socket(fileno=os.dup(handle)) as link:  # also where this is an emulator's own end
+            with socket.socket(fileno=os.dup(handle)) as link:  # also an emulator's end of the link
                 link.shutdown(socket.SHUT_RDWR)
     os.close(null)

@@ -15,10 +15,10 @@ from joshua.testing import lifecycle
 from joshua.testing.conformance import Checklist, ViolationError, must, name_of, said, violation
 from joshua.testing.values import FRAME, check_message, check_stamps, check_types
 
-#: Time by which a read may exceed its timeout on a loaded machine.
+#: Tolerance of a read's timeout on a loaded machine.
 SLACK_S = 0.5
 
-#: How often in a row a read must be late: a machine stalls now and then, a driver that waits does so always.
+#: Consecutive late reads that count as a violation, because a system stall causes only single ones.
 LATE_READS = 3
 
 SensorFactory = Callable[[], Sensor]
@@ -33,7 +33,7 @@ def check_sensor(
 ) -> None:
     """Check a driver against the contract of ``joshua.devices.sensor.Sensor``.
 
-    What the factory opens itself, such as an emulator, is not held against the driver.
+    Resources that the factory opens, such as an emulator, are not attributed to the driver.
 
     Args:
         factory: makes a sensor that is not connected; each call a new one.
@@ -152,7 +152,7 @@ class _Clauses:
     def instances(self) -> None:
         with lifecycle.made(self._factory) as first, lifecycle.made(self._factory) as second:
             if not lifecycle.both_open(first, second):
-                return  # one device cannot be opened twice: nothing else to check
+                return  # the device cannot be opened twice: nothing else to check
             self.next(first)
             second.disconnect()
             must("instances.closed", first.connected)

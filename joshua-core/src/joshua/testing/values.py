@@ -11,11 +11,11 @@ import numpy as np
 from joshua.messages import encode, known_types
 from joshua.testing.conformance import must
 
-#: Positions beyond this are ticks or degrees, not radians: no joint here turns sixteen times.
+#: Positions beyond this are ticks or degrees, not radians: no joint makes sixteen turns.
 PLAUSIBLE_RAD = 100.0
 PLAUSIBLE_RAD_S = 1000.0
 
-#: How far a joint may be from where it should be: the play of a gear and the load of an arm.
+#: Tolerance of a position: gear backlash and the load of the arm.
 POSITION_TOLERANCE_RAD = 0.1
 
 #: Largest step of a device's position, such as one tick.
@@ -42,7 +42,7 @@ def kind_of(value: object) -> str:
 
 
 def check_plausible(label: str, values: Any, bound: float, unit: str) -> None:
-    """Values are small enough to be in SI units."""
+    """Values are plausible in SI units."""
     largest = float(np.abs(values).max())
     must("plausible", largest <= bound, label, largest, unit)
 
@@ -70,7 +70,7 @@ def check_types(label: str, types: Sequence[str]) -> None:
 
 
 def check_message(message: Any, type_name: str, source: str) -> None:
-    """A message has the type and the frame that were asked for, and can be encoded."""
+    """A message has the requested type and frame, and can be encoded."""
     made = getattr(message, "__msgtype__", type(message).__name__)
     must("message.type", made == type_name, source, made, type_name)
     encode(message)

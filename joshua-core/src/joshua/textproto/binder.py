@@ -1,4 +1,4 @@
-"""The syntax tree of one file into the configuration message, by the descriptors of the schema."""
+"""Converts the syntax tree of one file to the configuration message, by the schema's descriptors."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _BAD_PERCENT = re.compile(r"%(?![0-9a-fA-F]{2})")
 
 
 class Merge:
-    """What the files of one load share.
+    """State shared by the files of one load.
 
     Attributes:
-        positions: where each field stands; problems: what is wrong; types: of plugins' blocks.
-        oneofs: path of a block and name of a oneof to the member that is written, and where.
+        positions: positions of the fields; problems: errors found; types: of plugins' blocks.
+        oneofs: path of a block and name of a oneof to the member that is set, and its position.
     """
 
     def __init__(self, positions: Positions, problems: Diagnostics, types: PluginTypes) -> None:
@@ -47,7 +47,7 @@ class Binder:
     """Binds the fields of one file.
 
     Args:
-        include: called with the value and place of each ``include`` of the file; None where none is allowed.
+        include: called with the value and position of each ``include`` of the file; None if not allowed.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Binder:
         self._around: list[Any] = []
 
     def document(self, config: Any, fields: list[Field]) -> None:
-        """Binds a whole file, and tells the syntax errors in it which fields they belong to."""
+        """Binds a whole file, and assigns its syntax errors to fields."""
         self._block(config, fields, "")
         if len(self._problems):
             self._problems.locate(self._source, self._fields)
@@ -82,7 +82,7 @@ class Binder:
             self._repeated(message, info, field.value, field_path, name)
         elif self._is_free(info, field_path, name, path):
             self._singular(message, info, field.value, field_path, name)
-        else:  # it counts for nothing, and what is wrong in it is reported
+        else:  # it is ignored, but its errors are reported
             aside = Binder(self._source, Merge(Positions(), self._problems, self._merge.types))
             aside._around = [*self._around]
             aside._singular(type(message)(), info, field.value, field_path, name)
@@ -90,10 +90,10 @@ class Binder:
     def entry(
         self, container: Any, index: int, info: FieldInfo, value: Value, path: str, name: Span, at: Span
     ) -> bool:
-        """Binds one entry of a repeated field, in place of the one that is there; False where it is broken.
+        """Binds one entry of a repeated field, replacing the existing one. False if it is broken.
 
         Args:
-            name: place of the field's name; at: place that a block is remembered by.
+            name: position of the field's name; at: recorded position of a block.
         """
         if info.kind is not Kind.MESSAGE:
             found = self._scalars.read(info, value, path)
@@ -193,7 +193,7 @@ class Binder:
         )
 
     def _is_free(self, info: FieldInfo, field_path: str, name: Span, path: str) -> bool:
-        """Reports a field that is written twice, or beside another member of its oneof."""
+        """Reports a field that is set twice, or together with another member of its oneof."""
         here = self._written.setdefault(field_path, name)
         before = self._positions.entry(field_path)
         if here is not name:
@@ -236,7 +236,7 @@ class Binder:
         if type_name is None:
             return
         if field.separator:
-            # protobuf's own readers refuse it, so a file with it would be readable here only.
+            # protobuf's parsers reject it, so such a file could be read only here.
             place = self._span(field.end, field.end + 1)
             text = f"'{field.separator}' cannot follow a block with a type in square brackets."
             error("unexpected-text", text, place, path=path, remedy="Delete it.")
@@ -249,7 +249,7 @@ class Binder:
         found = self._merge.types.find(type_name)
         if found is None:
             self._report_unknown_type(type_name, name, path)
-            # The type stays known, so that the missing plugin can be named.
+            # The type is kept for naming the missing plugin.
             message.type_url = field.name
             return
         inner: Any = found()
@@ -262,7 +262,7 @@ class Binder:
         message.Pack(inner, type_url_prefix=field.name[: -len(type_name)])
 
     def _type_name(self, field: Field, path: str) -> str | None:
-        """Takes the full name of the type out of its URL; reports a malformed one."""
+        """Extracts the full name of the type from its URL. Reports a malformed one."""
         prefix, slash, name = field.name.rpartition("/")
         if not slash:
             fault = 'lacks the domain and the "/" before the type'

@@ -1,4 +1,4 @@
-"""Collects what reading finds wrong; diagnostics are made only when there is something to say."""
+"""Collects the problems of reading. Diagnostics are made only if there are any."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from joshua.plan import Diagnostic
     from joshua.textproto.source import Source
 
-# Begin the codes of syntax errors that belong to the field around them.
+# Prefixes of the codes of syntax errors that belong to the enclosing field.
 _INSIDE_FIELD = ("missing-", "extra-comma", "unclosed-string", "unclosed-list", "unquoted-string")
 
 
 class CodeDoc(NamedTuple):
     """One row of the table of diagnostic codes: the cause and the next step, one sentence each.
 
-    ``reads`` says what the rule reads besides the field that it is about, see ``joshua.config.checks.taint``.
+    ``reads`` lists what the rule reads besides its own field, see ``joshua.config.checks.taint``.
     """
 
     cause: str
@@ -34,7 +34,7 @@ class CodeDoc(NamedTuple):
 
 
 def read_codes(path: Path) -> dict[str, dict[str, CodeDoc]]:
-    """Reads the rows of a ``codes.json`` by group and code."""
+    """Read the rows of a ``codes.json`` by group and code."""
     groups = json.loads(path.read_text(encoding="utf-8"))
     return {group: {code: CodeDoc(**row) for code, row in rows.items()} for group, rows in groups.items()}
 
@@ -46,7 +46,7 @@ def reading_codes() -> dict[str, CodeDoc]:
 
 
 class Diagnostics:
-    """The problems of one load, in the order in which they stand in the files."""
+    """The problems of one load, in the order of the files."""
 
     def __init__(self) -> None:
         self._found: list[tuple[int, int, Diagnostic]] = []
@@ -54,14 +54,14 @@ class Diagnostics:
 
     @property
     def full(self) -> bool:
-        """Whether so many problems are known that looking for more helps nobody."""
+        """Whether the limit of problems is reached, so that searching for more is useless."""
         return len(self._found) >= MAX_PROBLEMS
 
     def __len__(self) -> int:
         return len(self._found)
 
     def register(self, file: str) -> int:
-        """Fixes the place of a file in the order of problems; the first one registered comes first."""
+        """Adds a file to the order of problems. The first one registered comes first."""
         return self._file_order.setdefault(file, len(self._file_order))
 
     def error(
@@ -80,7 +80,7 @@ class Diagnostics:
         """Adds an error, or a note.
 
         Args:
-            found: None takes the text at the place; remedy: "" takes that of the code's table row.
+            found: None for the text at the position; remedy: "" for the one in the code table.
         """
         if self.full:
             return
@@ -103,10 +103,10 @@ class Diagnostics:
         self._found.append((*place, diagnostic))
 
     def locate(self, source: Source, fields: list[tuple[int, int, str]]) -> None:
-        """Gives syntax errors the path of the field that they stand in.
+        """Gives syntax errors the path of their field.
 
         Args:
-            fields: offsets and path of each field of the text, in the order of their beginning.
+            fields: offsets and path of each field of the text, in order of their start.
         """
         starts = [start for start, _, _ in fields]
         for number, (order, at, diagnostic) in enumerate(self._found):
@@ -131,5 +131,5 @@ class Diagnostics:
 
 
 def shortened(text: str, most: int = 80) -> str:
-    """Cuts a text that would fill the screen."""
+    """Shortens a text that would fill the screen."""
     return text if len(text) <= most else text[: most - 1] + "…"

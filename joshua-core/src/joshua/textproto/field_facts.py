@@ -1,6 +1,6 @@
-"""What the schema says about each field: type, presence and the machine-readable rule beside it.
+"""Facts of the schema about each field: type, presence and its machine-readable rule.
 
-The one place where checks, `joshua explain` and the reference read the custom field option from.
+Checks, `joshua explain` and the reference read the custom field option only here.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class FieldFacts:
     """The facts of one field.
 
     Attributes:
-        kind: what its value names, a ``KIND_…`` number; message_type, enum: descriptor of its type, if any.
-        unit, example, default: texts of the rule; minimum, maximum, above: bounds, None where open.
-        required, …: further parts of the rule, by the names that they have there.
+        kind: kind of its value, a ``KIND_…`` number; message_type, enum: descriptor of its type, if any.
+        unit, example, default: texts of the rule; minimum, maximum, above: bounds, None if open.
+        required, …: further parts of the rule, with the same names.
     """
 
     def __init__(self, field: FieldDescriptor) -> None:
@@ -63,7 +63,7 @@ class FieldFacts:
 
     @property
     def is_message(self) -> bool:
-        """Whether the field holds blocks."""
+        """Whether the field contains blocks."""
         return self.message_type is not None
 
     def contains(self, value: float) -> bool:
@@ -76,7 +76,7 @@ class FieldFacts:
         )
 
     def range_text(self) -> str:
-        """The allowed range in words, such as ``above 0, at most 10000 Hz``; "" where it is open."""
+        """The allowed range in words, such as ``above 0, at most 10000 Hz``; "" if it is open."""
         parts = []
         if self.above is not None:
             parts.append(f"above {number_text(self.above)}")
@@ -92,9 +92,9 @@ class FieldFacts:
         return f"{', '.join(parts)} {unit}".rstrip()
 
     def named_by(self, value: str) -> tuple[int, str]:
-        """What a value names by its spelling, a ``NAMES_…`` number, and a device by one spelling of all.
+        """The kind of name of a value, a ``NAMES_…`` number, and the canonical spelling of a device.
 
-        That spelling is "" for what any number of readers may use.
+        The spelling is "" if any number of readers may use it.
         """
         for form in self.forms:
             texts = (value, posixpath.normpath(value)) if form.names == options_pb2.NAMES_DEVICE else (value,)
@@ -104,7 +104,7 @@ class FieldFacts:
         return options_pb2.NAMES_FILE, ""
 
     def sample(self) -> str:
-        """The field with a typical value, as it may stand in a file."""
+        """The field with a typical value, as in a file."""
         if self.message_type is not None:
             inner = [facts for facts in field_facts(self.message_type) if facts.required]
             return f"{self.name} {{ {' '.join(facts.sample() for facts in inner) or '...'} }}"
@@ -113,7 +113,7 @@ class FieldFacts:
         return f"{self.name}: {self.example or '...'}"
 
     def value_names(self) -> tuple[str, ...]:
-        """Names of an enum field's values, without the one that stands for «not chosen»."""
+        """Names of an enum field's values, without the one that means "not chosen"."""
         values = self.enum.values if self.enum is not None else ()
         return tuple(
             value.name for value in values if not (value.number == 0 and value.name.endswith("_UNSPECIFIED"))
@@ -121,7 +121,7 @@ class FieldFacts:
 
 
 def number_text(value: float) -> str:
-    """Writes a number without needless digits: ``10000``, ``0.1``, ``nan``."""
+    """Format a number without unnecessary digits: ``10000``, ``0.1``, ``nan``."""
     number = float(value)
     if number.is_integer() and abs(number) < 1e15:
         return str(int(number))
@@ -130,10 +130,10 @@ def number_text(value: float) -> str:
 
 @cache
 def field_facts(descriptor: Any) -> tuple[FieldFacts, ...]:
-    """Returns the facts of all fields of a message type (a ``Descriptor``), in the order of the schema."""
+    """Return the facts of all fields of a message type (a ``Descriptor``), in the order of the schema."""
     return tuple(FieldFacts(field) for field in descriptor.fields)
 
 
 def facts_of(field: Any) -> FieldFacts:
-    """Returns the facts of one field (a ``FieldDescriptor``)."""
+    """Return the facts of one field (a ``FieldDescriptor``)."""
     return next(facts for facts in field_facts(field.containing_type) if facts.name == field.name)

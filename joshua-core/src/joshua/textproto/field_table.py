@@ -1,4 +1,4 @@
-"""What binding must know about the fields of a message type, read from its descriptor once."""
+"""Facts for binding the fields of a message type, read once from its descriptor."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ANY = "google.protobuf.Any"
 
 
 class Kind(Enum):
-    """The kinds of values that are read differently."""
+    """Kinds of values, by the way they are read."""
 
     INTEGER = "integer"
     FLOAT = "number"
@@ -50,7 +50,7 @@ class FieldInfo:
         type_text: its type in words, such as ``whole number`` or ``name of OperationMode``.
         oneof: name of the oneof that it belongs to; "" for none, and for proto3 ``optional``.
         message, enum: descriptor of its type; None for others.
-        is_any: whether it holds a block of a plugin's own type; descriptor: of the field itself.
+        is_any: whether it contains a block of a plugin's type; descriptor: of the field itself.
     """
 
     def __init__(self, field: Any) -> None:
@@ -68,18 +68,18 @@ class FieldInfo:
         self.is_any = self.message is not None and bool(self.message.full_name == ANY)
         self.smallest, self.largest = _RANGES.get(field.cpp_type, (0, 0))
         oneof = field.containing_oneof
-        # proto3 optional is a oneof of its own in the descriptor, with one member.
+        # proto3 optional is a oneof with one member in the descriptor.
         self.oneof: str = oneof.name if oneof is not None and len(oneof.fields) > 1 else ""
         self.descriptor = field
 
 
 @cache
 def field_table(descriptor: Any) -> dict[str, FieldInfo]:
-    """Returns the fields of a message type by the names that a text may use."""
+    """Return the fields of a message type by the names allowed in a text."""
     table = {}
     for field in descriptor.fields:
         info = table[field.name] = FieldInfo(field)
-        # Groups of proto2 are written by the name of their type.
+        # Groups of proto2 are written with the name of their type.
         if field.type == FieldDescriptor.TYPE_GROUP:
             table[field.message_type.name] = info
     return table

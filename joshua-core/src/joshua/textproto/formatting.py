@@ -1,7 +1,7 @@
-"""``joshua fmt``: two spaces for each block, one field to a line, every comment kept where it belongs.
+"""``joshua fmt``: two spaces per block, one field per line, comments kept in place.
 
-A block or list that its author wrote on one line stays on one line while it fits; a list that fits becomes
-one. Values stay as they are written; separators between fields, which have no meaning, are left out.
+A block on one line stays on one line if it fits. A list that fits becomes one line. Values are unchanged.
+Separators between fields, which have no meaning, are removed.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ _STEP = "  "
 
 
 def format_source(source: Source, tokens: Tokens, fields: list[Field]) -> str:
-    """Returns the formatted text of a source that has no syntax errors.
+    """Return the formatted text of a source without syntax errors.
 
     Args:
-        tokens, fields: what the lexer and the parser made of it.
+        tokens, fields: output of the lexer and the parser.
     """
     layout = _Layout(source, tokens)
     layout.fields(fields, len(source.text) + 1, "")
@@ -33,9 +33,9 @@ def format_source(source: Source, tokens: Tokens, fields: list[Field]) -> str:
 
 
 def same_content(one: tuple[Source, Tokens, list[Field]], other: tuple[Source, Tokens, list[Field]]) -> bool:
-    """Tells whether two parsed texts hold the same fields, in the same order, and the same comments.
+    """Whether two parsed texts have the same fields in the same order, and the same comments.
 
-    This is the last check before a formatted file replaces the original.
+    The last check before a formatted file replaces the original.
     """
     return _content(one[2]) == _content(other[2]) and _comments(one) == _comments(other)
 
@@ -58,7 +58,7 @@ def _comments(parsed: tuple[Source, Tokens, list[Field]]) -> Counter[str]:
 
 
 class _CommentCursor:
-    """Hands out each comment once, in the order of the text, in step with the fields."""
+    """Returns each comment once, in the order of the text."""
 
     def __init__(self, source: Source, tokens: Tokens) -> None:
         self._source = source
@@ -68,24 +68,24 @@ class _CommentCursor:
         self._at = 0
 
     def before(self, limit: int) -> list[tuple[int, str]]:
-        """Takes the comments that begin before an offset: the offset of each and its text."""
+        """Take the comments that begin before an offset: the offset and text of each."""
         taken = []
         while self._at < len(self._starts) and self._starts[self._at] < limit:
             taken.append((self._starts[self._at], self._take()))
         return taken
 
     def trailing(self, end: int, skip: int = 0) -> str | None:
-        """Takes the comment that follows on the same line, if nothing else stands between.
+        """Take the comment that follows on the same line, if nothing else is between.
 
         Args:
-            end: offset after what the comment may follow.
-            skip: number of separators after it that do not count.
+            end: offset after which the comment may follow.
+            skip: number of separators after it to ignore.
         """
         if self._at >= len(self._starts):
             return None
         start = self._starts[self._at]
         following = bisect_left(self._tokens.starts, end)
-        # Separators count as part of what they end, wherever the comment stands among them.
+        # Separators belong to the field that they end, wherever the comment is among them.
         before_comment = bisect_left(self._tokens.starts, start)
         last = self._tokens.ends[before_comment - 1] if before_comment else 0
         on_line = self._source.line(start) == self._source.line(max(last - 1, 0))
@@ -94,12 +94,12 @@ class _CommentCursor:
         return self._take()
 
     def any_between(self, start: int, end: int) -> bool:
-        """Tells whether a comment stands in a span of the text."""
+        """Whether a span of the text contains a comment."""
         index = bisect_left(self._starts, start)
         return index < len(self._starts) and self._starts[index] < end
 
     def blank_before(self, offset: int) -> bool:
-        """Tells whether an empty line stands before what begins at an offset."""
+        """Whether an empty line precedes an offset."""
         token = bisect_left(self._tokens.starts, offset) - 1
         comment = bisect_right(self._starts, offset - 1) - 1
         last = max(
@@ -118,7 +118,7 @@ class _Layout:
         self.lines: list[str] = []
         self._source = source
         self._comments = _CommentCursor(source, tokens)
-        self._at_start = True  # of the file or of a block, where no empty line stands
+        self._at_start = True  # of the file or of a block, where empty lines are removed
 
     def fields(self, fields: list[Field], end: int, indent: str) -> None:
         """Writes the fields of a block, and the comments up to its end."""
@@ -126,7 +126,7 @@ class _Layout:
             value = field.value
             self._own_lines(field.name_start, indent)
             self._blank(field.name_start)
-            # A comment in the midst of a field moves above it.
+            # A comment inside a field moves above it.
             self._moved(value.start if isinstance(value, Block | ListValue) else field.end, indent)
             if isinstance(value, Block):
                 self._block(value, f"{indent}{_name(field)} ", "", indent)
@@ -177,7 +177,7 @@ class _Layout:
         self._line(f"{indent}]")
 
     def _stays_inline(self, value: Block | ListValue, beside: int) -> bool:
-        """Whether a value goes on one line: no comment stands in it, it fits, and a block was on one.
+        """Whether to write a value on one line: it fits, has no comment, and a block was on one line.
 
         Args:
             beside: number of characters that share the line.
@@ -198,12 +198,12 @@ class _Layout:
         self._at_start = False
 
     def _blank(self, offset: int) -> None:
-        """Keeps one of the empty lines that stand before an offset."""
+        """Keeps one of the empty lines before an offset."""
         if not self._at_start and self._comments.blank_before(offset):
             self.lines.append("")
 
     def _own_lines(self, limit: int, indent: str) -> None:
-        """Writes the comments before an offset, each on a line of its own."""
+        """Writes the comments before an offset, each on a separate line."""
         for start, text in self._comments.before(limit):
             self._blank(start)
             self._line(f"{indent}{text}")

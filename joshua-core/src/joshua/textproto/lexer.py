@@ -1,6 +1,6 @@
-"""Cuts a text into the words and signs of the protobuf text format.
+"""Splits a text into tokens of the protobuf text format.
 
-The cuts are those of ``google.protobuf.text_format``, so that both read the same fields.
+The tokens are those of ``google.protobuf.text_format``, so that both read the same fields.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ END = 0
 NAME = 1
 NUMBER = 2
 STRING = 3
-OPEN_STRING = 4  # its closing quote is missing
+OPEN_STRING = 4  # missing closing quote
 SIGN = 5
 OTHER = 6  # a character that no field contains outside strings
 
@@ -37,12 +37,12 @@ _STRING_STOP = re.compile(r"[\"'\\\n]")
 
 
 class Tokens:
-    """The tokens of one text, as parallel lists; the last one is always END.
+    """The tokens of one text, as parallel lists. The last one is always END.
 
     Attributes:
         kinds: kind of each token; starts, ends: its offsets; texts: the token itself.
-        comments: offsets of each comment, the # included and the line end not.
-        cut_at: offset at which a text of too many tokens was left; None where all of it was read.
+        comments: offsets of each comment, with the # and without the line end.
+        cut_at: offset at which a text with too many tokens was cut; None if all of it was read.
     """
 
     __slots__ = ("comments", "cut_at", "ends", "kinds", "starts", "texts")
@@ -57,7 +57,7 @@ class Tokens:
 
 
 def tokenize(source: Source, start: int = 0) -> Tokens:
-    """Cuts a text into tokens, from an offset on."""
+    """Split a text into tokens, from an offset on."""
     tokens = Tokens()
     text = source.text
     kinds, starts, ends, texts = tokens.kinds, tokens.starts, tokens.ends, tokens.texts
@@ -92,7 +92,7 @@ def tokenize(source: Source, start: int = 0) -> Tokens:
 
 
 def _string_end(text: str, start: int) -> tuple[int, bool]:
-    """Finds the end of the string that a quote opens: the offset, and whether a quote closes it."""
+    """Find the end of a string: the offset, and whether it is closed by a quote."""
     quote = text[start]
     at = start + 1
     while True:

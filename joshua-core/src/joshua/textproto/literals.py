@@ -1,4 +1,4 @@
-"""Turns the words of a text into values, by the rules of ``google.protobuf.text_format``."""
+"""Converts literals to values, by the rules of ``google.protobuf.text_format``."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _LETTERS = {
 
 
 class BadEscapeError(ValueError):
-    """An escape sequence that the text format does not know.
+    """An escape sequence that is invalid in the text format.
 
     Attributes:
-        offset, length: where it stands in the literal.
+        offset, length: its position in the literal.
     """
 
     def __init__(self, message: str, offset: int, length: int) -> None:
@@ -36,22 +36,22 @@ class BadEscapeError(ValueError):
 
 
 def integer(text: str) -> int | None:
-    """Reads a decimal, hexadecimal or octal integer; None where the text is none."""
+    """Read a decimal, hexadecimal or octal integer; None if invalid."""
     return plain_integer(_OCTAL.sub(r"\g<1>0o\g<2>", text))
 
 
 def plain_integer(text: str) -> int | None:
-    """Reads an integer as enum numbers are written: a leading zero does not make it octal."""
+    """Read an enum number: an integer that is not octal despite a leading zero."""
     return _parsed(lambda digits: int(digits, 0), text) if len(text) <= MAX_NUMBER_CHARACTERS else None
 
 
 def number(text: str) -> float | None:
-    """Reads a floating-point number, ``inf`` or ``nan``; None where the text is none."""
+    """Read a floating-point number, ``inf`` or ``nan``; None if invalid."""
     return _parsed(text_format.ParseFloat, text)
 
 
 def boolean(text: str) -> bool | None:
-    """Reads a truth value; None where the text is none."""
+    """Read a Boolean; None if invalid."""
     return _parsed(text_format.ParseBool, text)
 
 
@@ -63,10 +63,10 @@ def _parsed(parse: Callable[[str], _Value], text: str) -> _Value | None:
 
 
 def string_bytes(literal: str) -> bytes:
-    """Reads a quoted literal, its quotes included.
+    """Read a quoted literal, including its quotes.
 
     Raises:
-        BadEscapeError: at the first escape that the text format does not know.
+        BadEscapeError: at the first invalid escape.
     """
     body = literal[1:-1]
     if "\\" not in body:
@@ -82,10 +82,10 @@ def string_bytes(literal: str) -> bytes:
 
 
 def encoded(text: str) -> bytes:
-    """Bytes of a text; those of a command line that are no text stay what they were."""
+    """Bytes of a text. Invalid bytes of a command line are preserved."""
     try:
         return text.encode("utf-8", "surrogateescape")
-    except UnicodeEncodeError:  # half of a character, which no command line holds
+    except UnicodeEncodeError:  # half of a character, which a command line cannot contain
         return text.encode("utf-8", "surrogatepass")
 
 
@@ -100,8 +100,7 @@ def _unescape(match: re.Match[str]) -> bytes:
         return bytes((int(text, 8),))
     if kind == "short" or kind == "long":
         code = int(text, 16)
-        # A backslash written this way is read as one character by some of protobuf's readers and as
-        # the start of an escape by others.
+        # Some of protobuf's parsers read such a backslash as one character, others as the start of an escape.
         if code <= 0x10FFFF and not 0xD800 <= code <= 0xDFFF and chr(code) != "\\":
             return chr(code).encode()
     shown = match[0]

@@ -1,4 +1,4 @@
-"""Applies the ``--set`` options to a merged configuration: each replaces what stood there."""
+"""Applies the ``--set`` options to a merged configuration. Each replaces the value of its field."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _STEP = re.compile(
 
 
 class Step(NamedTuple):
-    """One field of a path, with its offsets in the option; ``key`` is what stands in brackets, if they do."""
+    """One field of a path, with its offsets in the option. ``key`` is the text in brackets, if any."""
 
     name: str
     key: str | None
@@ -33,7 +33,7 @@ class Step(NamedTuple):
 
 
 class PathSyntaxError(ValueError):
-    """A path that cannot be read; ``offset`` is where."""
+    """An invalid path. ``offset`` is the position of the error."""
 
     def __init__(self, message: str, offset: int) -> None:
         super().__init__(message)
@@ -41,7 +41,7 @@ class PathSyntaxError(ValueError):
 
 
 def split_option(text: str) -> tuple[list[Step], int]:
-    """Splits an option into its path and the offset at which the value begins.
+    """Split an option into its path and the offset of its value.
 
     Raises:
         PathSyntaxError: if the option is not of the form ``PATH=VALUE`` or ``PATH { … }``.
@@ -69,7 +69,7 @@ def split_option(text: str) -> tuple[list[Step], int]:
 
 
 def apply_overrides(options: Sequence[str], config: Any, merge: Merge) -> str:
-    """Applies options, in order, to a configuration; returns the text that diagnostics show for them."""
+    """Apply options in order to a configuration. Return their text for diagnostics."""
     lines = [" ".join(option.split("\n")) for option in options]
     merge.problems.register(OPTION)
     for number, line in enumerate(lines, 1):
@@ -107,7 +107,7 @@ class _Override:
         return Span(self._source, step.start, step.end)
 
     def _enter(self, message: Any, steps: list[Step], path: str) -> None:
-        """Goes down to the block that holds the last field of the path, and sets it there."""
+        """Descends to the block of the path's last field, and sets it there."""
         step, *rest = steps
         if message.DESCRIPTOR.full_name == ANY and not step.name.startswith("type_url"):
             self._enter_any(message, steps, path)
@@ -170,7 +170,7 @@ class _Override:
         return info
 
     def _index(self, container: Any, info: FieldInfo, step: Step, path: str) -> int | None:
-        """Finds the entry that a step names; one past the last adds an entry."""
+        """Finds the entry of a step. An index one past the last adds an entry."""
         names = [_name_of(item) for item in container]
         key = step.key
         is_number = key is not None and key.isascii() and key.isdigit() and len(key) < 10
@@ -190,7 +190,7 @@ class _Override:
         return None
 
     def _leave_oneof(self, message: Any, info: FieldInfo, path: str) -> None:
-        """Clears another member of the field's oneof, as protobuf does, and forgets where it stood."""
+        """Clears another member of the field's oneof, as protobuf does, and its positions."""
         if not info.oneof:
             return
         member = message.WhichOneof(info.oneof)
@@ -227,7 +227,7 @@ class _Override:
             self._positions.record(entry_path, name, self._span(place), is_broken=True)
 
     def _parse(self, info: FieldInfo, step: Step) -> Field | None:
-        """Parses the value of the option as a value of the field."""
+        """Parses the option's value as a value of the field."""
         text = self._source.text
         start = self._value_start
         raw = text[start:].strip()
@@ -249,7 +249,7 @@ class _Override:
         return field
 
     def _forget(self, path: str) -> None:
-        """Forgets what a field and all below it held."""
+        """Clears the records of a field and all below it."""
         self._positions.discard(path)
         inside = (f"{path}.", f"{path}[")
         for key in [key for key in self._merge.oneofs if key[0] == path or key[0].startswith(inside)]:
@@ -257,7 +257,7 @@ class _Override:
 
 
 def _name_of(item: Any) -> str:
-    """The name by which an entry can be addressed: that of its node, or its own; "" for none."""
+    """The name that addresses an entry: that of its node, or its own; "" for none."""
     known = item.DESCRIPTOR.fields_by_name if hasattr(item, "DESCRIPTOR") else {}
     node = known.get("node")
     if node is not None and node.message_type is not None and "node_name" in node.message_type.fields_by_name:

@@ -1,4 +1,4 @@
-"""Tokens to a syntax tree; after an error it goes on at the next field, so that one run finds all errors.
+"""From tokens to a syntax tree. After an error, it continues at the next field and finds all errors.
 
 Why one file: one class, whose scalars, lists, blocks and fields recover from each other's errors.
 """
@@ -25,15 +25,15 @@ _CURLY_QUOTES = "“”„‟‘’«»"
 _KINDS = {NAME: ScalarKind.NAME, NUMBER: ScalarKind.NUMBER}
 _CLOSER = {"{": "}", "<": ">"}
 _PARTNER = {"}": "{", ">": "<", "]": "["}
-# Below this share of indented lines the layout of a file says nothing about its blocks.
+# Below this share of indented lines, the layout of a file does not reveal its blocks.
 _LAID_OUT = 0.5
 
 
 class _Open(NamedTuple):
-    """A block that is being read: its name and opening brace, and the layout of that line.
+    """An open block: its name and opening brace, and the layout of that line.
 
     Attributes:
-        is_assumed: whether its opening brace is missing, so that its indentation alone bounds it.
+        is_assumed: whether its opening brace is missing, so that only its indentation bounds it.
     """
 
     name: str
@@ -45,9 +45,9 @@ class _Open(NamedTuple):
 
 
 class Parser:
-    """Parses one text; every error goes to ``problems``.
+    """Parses one text. Errors go to ``problems``.
 
-    It keeps the blocks that are open; indentation decides only where the braces of a file do not match.
+    It tracks the open blocks. Indentation is used only if the braces of a file do not match.
     """
 
     def __init__(self, source: Source, tokens: Tokens, problems: Diagnostics) -> None:
@@ -76,7 +76,7 @@ class Parser:
         return fields
 
     def value_only(self) -> Field:
-        """Parses a text that is one value, for a field whose name is known."""
+        """Parses a text with one value, for a known field."""
         field = Field("", self._start, self._start)
         field.has_colon = True
         self._value(field)
@@ -112,19 +112,19 @@ class Parser:
         return self._tokens.ends[self._at - 1]
 
     def _is(self, signs: str) -> bool:
-        """Whether one of some signs stands at the cursor."""
+        """Whether one of some signs is at the cursor."""
         return self._kind == SIGN and self._text in signs
 
     def _precedes(self, signs: str) -> bool:
-        """Whether one of some signs stands after the token at the cursor."""
+        """Whether one of some signs follows the token at the cursor."""
         return self._kinds[self._at + 1] == SIGN and self._texts[self._at + 1] in signs
 
     def _run_text(self) -> str:
-        """The text from the cursor up to white space or a sign that ends values, shortened."""
+        """The text from the cursor to white space or a sign that ends values, shortened."""
         return shortened(self.source.text[self._start : self._run_end()])
 
     def _run_end(self, start: int | None = None) -> int:
-        """Offset of the end of that text, or of one that begins elsewhere."""
+        """Offset of the end of that text, or of one with another start."""
         stop = _RUN_END.search(self.source.text, (self._start if start is None else start) + 1)
         return stop.start() if stop is not None else len(self.source.text)
 
@@ -134,14 +134,14 @@ class Parser:
     def _error(
         self, code: str, message: str, start: int | None = None, end: int | None = None, **details: Any
     ) -> None:
-        """Reports an error, of the token at the cursor where no offsets are given."""
+        """Reports an error, by default at the cursor's token."""
         place = self._span(self._start if start is None else start, self._end if end is None else end)
         self._problems.error(code, message, place, **details)
 
     # Fields
 
     def _fields(self) -> list[Field]:
-        """Parses fields up to the end of the block that is open last, or of the text."""
+        """Parses fields to the end of the innermost open block, or of the text."""
         found: list[Field] = []
         while not self._problems.full:
             kind = self._kind
@@ -176,7 +176,7 @@ class Parser:
         return self._rest_of_field(field)
 
     def _is_stray_word(self, field: Field) -> bool:
-        """Reports a word that stands after a value on its line and begins no field."""
+        """Reports a word after a value on its line that begins no field."""
         line = self.source.line(field.name_start)
         if self.source.line(self._last_end - 1) != line or self._is(":{<["):
             return False
@@ -194,7 +194,7 @@ class Parser:
         return True
 
     def _type_field(self) -> Field | None:
-        """Parses a field whose name is a type in square brackets."""
+        """Parses a field named by a type in square brackets."""
         start = self._start
         parts: list[str] = []
         self._at += 1
@@ -245,7 +245,7 @@ class Parser:
             self._missing_value_or_brace(field)
 
     def _missing_value_or_brace(self, field: Field) -> None:
-        """Takes lines that are indented below a name for its block, whose brace is missing."""
+        """Treats lines indented below a name as its block with a missing brace."""
         if self._kind == NAME and self.source.column(self._start) > self.source.column(field.name_start):
             self._of_name(field, "missing-brace", "{{ is missing after {}.", "Write `{} {{`.")
             field.value = self._block(field.name, opened_at=field.name_start)
@@ -260,12 +260,12 @@ class Parser:
             self._of_name(field, "missing-value", "The option has no value.", "")
 
     def _of_name(self, field: Field, code: str, message: str, remedy: str) -> None:
-        """Reports an error that stands at the name of a field; ``{}`` in the texts is that name."""
+        """Reports an error at the name of a field, which replaces ``{}`` in the texts."""
         texts = message.format(field.name), field.name_start, field.name_end
         self._error(code, *texts, found=field.name, remedy=remedy.format(field.name))
 
     def _unexpected(self) -> None:
-        """Reports what cannot begin a field and goes on at the next line, or after the block it opens."""
+        """Reports text that cannot begin a field, and continues at the next line or after its block."""
         start, end = self._start, self._run_end()
         text = self.source.text[start:end]
         remedy = ""
@@ -277,7 +277,7 @@ class Parser:
         self._skip_rest_of(self.source.line(start))
 
     def _skip_rest_of(self, line: int) -> None:
-        """Skips the tokens of a line; a block that begins among them is read and dropped."""
+        """Skips the tokens of a line, including a block that begins on it."""
         while self._kind != END and self.source.line(self._start) == line:
             if self._open and self._is("}>"):
                 return
@@ -289,7 +289,7 @@ class Parser:
     # Blocks
 
     def _block(self, name: str, opened_at: int | None = None) -> Block:
-        """Parses a block; ``opened_at`` stands in for an opening brace that is missing."""
+        """Parses a block. ``opened_at`` replaces a missing opening brace."""
         start = self._start if opened_at is None else opened_at
         closer = _CLOSER.get(self._text, "}") if opened_at is None else "}"
         brace = self._span(start, self._end)
@@ -314,7 +314,7 @@ class Parser:
             self._at += 1
 
     def _closes_block(self) -> bool:
-        """Handles a closing brace; True where it ends the block that is open last."""
+        """Handles a closing brace. True if it ends the innermost open block."""
         if not self._open:
             remedy = "Delete it, or look above for a block that is closed too early."
             self._error("stray-closer", f"'{self._text}' closes nothing.", remedy=remedy)
@@ -345,7 +345,7 @@ class Parser:
         return True
 
     def _is_outside_block(self) -> bool:
-        """Whether a field on a line of its own is not indented as part of the block that is open last."""
+        """Whether a field on a separate line is indented outside the innermost open block."""
         if not self._open or not (self._guided or self._open[-1].is_assumed):
             return False
         if not self.source.is_first_on_line(self._start):
@@ -355,7 +355,7 @@ class Parser:
         return self.source.line(self._start) > block.line and column <= block.indentation
 
     def _report_open_blocks(self) -> None:
-        """Reports the blocks that are open at the end of the text."""
+        """Reports blocks that are still open at the end of the text."""
         for block in reversed(self._open):
             self._report_unclosed(block, self._tokens.starts[-1])
 
@@ -374,11 +374,11 @@ class Parser:
     # Scalars and lists
 
     def _scalar(self, name: str) -> Scalar:
-        """Parses a scalar; a text that lacks its quotes is reported and taken as one broken scalar."""
+        """Parses a scalar. Unquoted text is reported and becomes one broken scalar."""
         start = self._start
         if self._kind in (STRING, OPEN_STRING):
             return self._string()
-        # Whether a character that no word holds follows without white space between.
+        # Whether a non-word character follows without white space.
         goes_on = self._kinds[self._at + 1] == OTHER and self._tokens.starts[self._at + 1] == self._end
         if self._kind in _KINDS and not goes_on:
             scalar = Scalar(_KINDS[self._kind], start, self._end, [self._text], [(start, self._end)])
@@ -416,7 +416,7 @@ class Parser:
         return Scalar(ScalarKind.BROKEN, start, end, [], [])
 
     def _curly_end(self, end: int) -> int:
-        """Finds the closing typographic quote on the line, so that the words between cause no more errors."""
+        """Finds the closing typographic quote on the line, so the words between cause no further errors."""
         furthest = self._start + _LONGEST_QUOTED
         line_end = self.source.text.find("\n", self._start, furthest)
         stop = furthest if line_end == -1 else line_end
@@ -460,14 +460,14 @@ class Parser:
                     self._extra_comma(self._at - 1)
                     self._at += 1
                     return
-            elif self._begins_item() and not lacks_comma:  # who forgets one forgets all of a list
+            elif self._begins_item() and not lacks_comma:  # usually all commas of a list are missing
                 lacks_comma = True
                 message = f"A comma is missing before '{self._run_text()}'."
                 before = self._end_before
                 self._error("missing-comma", message, before, before + 1, found="", allowed=(",",))
 
     def _missing_item(self, result: ListValue) -> bool:
-        """Reports what stands where an entry is expected; False where the list ends there."""
+        """Reports a missing entry. False if the list ends there."""
         goes_on = self._is(",[")
         if self._is(","):
             self._extra_comma(self._at)
@@ -499,7 +499,7 @@ class Parser:
 
 
 def parse(source: Source, problems: Diagnostics) -> list[Field]:
-    """Parses a text into its top-level fields; what is wrong goes to ``problems``."""
+    """Parse a text into its top-level fields. Errors go to ``problems``."""
     return Parser(source, tokenize(source), problems).document()
 
 
@@ -516,7 +516,7 @@ def _braces_match(tokens: Tokens) -> bool:
 
 
 def _is_laid_out(source: Source, tokens: Tokens) -> bool:
-    """Counts the lines inside blocks that stand further right than the line of the outermost open block."""
+    """Whether enough lines inside blocks are indented more than the line of the outermost open block."""
     indented = lines = 0
     openers: list[int] = []
     last_line = 0

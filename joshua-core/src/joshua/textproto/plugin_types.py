@@ -1,4 +1,4 @@
-"""The message types that a ``plugin_config`` block may name."""
+"""The message types allowed in a ``plugin_config`` block."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ALIKE = 0.85
 
 
 class PluginTypes:
-    """Finds the class of a message by its full name; looks at the plugins only when a block asks.
+    """Finds the class of a message by its full name. Loads plugins only if a block needs them.
 
     Args:
         message_types: message classes, or import strings of compiled ``_pb2`` modules.
@@ -26,11 +26,11 @@ class PluginTypes:
         self._classes: dict[str, type[Message]] | None = None
 
     def names(self) -> list[str]:
-        """Returns the full names of the types that plugins bring."""
+        """Return the full names of the plugins' types."""
         return sorted(self._known())
 
     def find(self, full_name: str) -> type[Message] | None:
-        """Returns the class of a type, from the plugins or from any compiled module that is imported."""
+        """Return the class of a type, from the plugins or from any imported compiled module."""
         found = self._known().get(full_name)
         if found is not None:
             return found
@@ -43,7 +43,7 @@ class PluginTypes:
         return message_factory.GetMessageClass(descriptor)
 
     def is_misspelt(self, full_name: str) -> bool:
-        """Tells whether an unknown name looks like a known one misspelt, not like another plugin's."""
+        """Whether an unknown name looks like a misspelt known one rather than a missing plugin's."""
         import difflib
 
         package = full_name.rpartition(".")[0]

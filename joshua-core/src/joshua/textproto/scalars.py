@@ -1,4 +1,4 @@
-"""Scalars of the syntax tree to values of fields, with an error that names the type where they do not fit."""
+"""Converts scalars of the syntax tree to field values. Errors name the expected type."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _NUMBER_WITH_UNIT = r"[-+]?[0-9]+(\.[0-9]+)?[^0-9.eE\s][^0-9\s]*"
 
 
 class ScalarReader:
-    """Reads the scalars of one text; what does not fit goes to ``problems``."""
+    """Reads the scalars of one text. Mismatches go to ``problems``."""
 
     def __init__(self, source: Source, problems: Diagnostics) -> None:
         self._source = source
         self._problems = problems
 
     def read(self, info: FieldInfo, value: Value, path: str) -> Any:
-        """Returns the value for a field; None where it does not fit, which is reported."""
+        """Return the value for a field; None for a mismatch, which is reported."""
         if not isinstance(value, Scalar):
             found = "a list" if isinstance(value, ListValue) else "a block"
             many = " for each entry" if info.is_repeated else ""
@@ -101,7 +101,7 @@ class ScalarReader:
         return None
 
     def _quoted(self, info: FieldInfo, value: Scalar, path: str) -> None:
-        """Reports a string where a field takes none, and what it says without quotes."""
+        """Reports a string for a field of another type, and its content without quotes."""
         text = "".join(literal[1:-1] for literal in value.texts)
         allowed = [info.type_text]
         remedy = ""
@@ -168,7 +168,7 @@ class ScalarReader:
 
 
 def _limits_of(info: FieldInfo) -> str:
-    """The range of an integer field in words: that of its rule, as far as the type allows it."""
+    """The range of an integer field in words: that of its rule within that of its type."""
     from joshua.textproto.field_facts import facts_of, number_text
 
     facts = facts_of(info.descriptor)
@@ -178,7 +178,7 @@ def _limits_of(info: FieldInfo) -> str:
 
 
 def _number_remedy(info: FieldInfo, text: str) -> str:
-    """How a number is written for this field, where it takes one; "" for others."""
+    """The form of a number for this field; "" if it takes none."""
     if info.kind is not Kind.INTEGER and info.kind is not Kind.FLOAT:
         return ""
     from joshua.textproto.field_facts import facts_of
@@ -192,12 +192,12 @@ def _number_remedy(info: FieldInfo, text: str) -> str:
 
 
 def _names(enum: Any) -> list[str]:
-    """The names that a user may choose; the one that means «not chosen» is none of them."""
+    """The names that a user may choose, without the one that means "not chosen"."""
     return [item.name for item in enum.values if not item.name.endswith("_UNSPECIFIED")]
 
 
 def _enum_name_of(info: FieldInfo, text: str) -> str:
-    """The enum name that a quoted text means: itself, or that of a ROS 2 type name."""
+    """The enum name of a quoted text: itself, or that of a ROS 2 type name."""
     if info.enum.full_name == "joshua.DataType" and "/" in text:
         from joshua.schema import data_types
 

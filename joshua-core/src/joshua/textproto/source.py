@@ -1,4 +1,4 @@
-"""One text of a configuration and the places in it."""
+"""One text of a configuration and positions in it."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ if TYPE_CHECKING:
 
 
 class Source:
-    """A named text; offsets into it become lines and columns, which count characters from 1.
+    """A named text. Converts offsets to lines and columns, which count characters from 1.
 
     Attributes:
-        name: as diagnostics show it: the path of the file, or ``--set``.
-        text: with plain line feeds as line ends and without a byte order mark.
+        name: for diagnostics: the path of the file, or ``--set``.
+        text: with line feeds as line ends and without a byte order mark.
         first_line: number of its first line.
     """
 
@@ -27,16 +27,16 @@ class Source:
         self._starts: list[int] | None = None
 
     def line(self, offset: int) -> int:
-        """Returns the number of the line that holds an offset."""
+        """Return the line number of an offset."""
         return bisect_right(self._line_starts(), offset) + self.first_line - 1
 
     def column(self, offset: int) -> int:
-        """Returns the column of an offset."""
+        """Return the column of an offset."""
         starts = self._line_starts()
         return offset - starts[bisect_right(starts, offset) - 1] + 1
 
     def indentation(self, offset: int) -> int:
-        """Returns the column of the first visible character in the line that holds an offset."""
+        """Return the column of the first visible character in the line of an offset."""
         start = offset - self.column(offset) + 1
         end = start
         while end < offset and self.text[end].isspace():
@@ -44,11 +44,11 @@ class Source:
         return end - start + 1
 
     def is_first_on_line(self, offset: int) -> bool:
-        """Tells whether only white space stands before an offset on its line."""
+        """Whether only white space precedes an offset on its line."""
         return self.indentation(offset) == self.column(offset)
 
     def position(self, start: int, end: int) -> Position:
-        """Returns the place of a span, cut at the end of its first line."""
+        """Return the position of a span, cut at the end of its first line."""
         from joshua.plan import Position
 
         line_end = self.text.find("\n", start)
@@ -69,7 +69,7 @@ class Source:
 
 
 class Span(NamedTuple):
-    """A piece of a text: offsets of its first character and of the one after its last."""
+    """A part of a text: offsets of its first character and of the one after its last."""
 
     source: Source
     start: int
@@ -82,5 +82,5 @@ class Span(NamedTuple):
 
     @property
     def position(self) -> Position:
-        """Its place, cut at the end of its first line."""
+        """Its position, cut at the end of its first line."""
         return self.source.position(self.start, self.end)

@@ -1,30 +1,30 @@
-"""The syntax tree of a configuration text: what is written, where, before any schema is asked.
+"""The syntax tree of a configuration text with positions, independent of the schema.
 
-Each part has the offsets of its first character and of the one after its last, brackets included.
+Each part has the offsets of its first character and of the one after its last, including brackets.
 """
 
 from __future__ import annotations
 
 from enum import Enum
 
-# Plain classes: making dataclasses with slots costs more at import than reading a whole file does.
+# Plain classes, because importing dataclasses with slots takes longer than reading a whole file.
 
 
 class ScalarKind(Enum):
-    """How a scalar is written."""
+    """The notation of a scalar."""
 
     STRING = "string"
     NUMBER = "number"
     NAME = "name"
-    RAW = "raw"  # a string without quotes, taken as it stands
+    RAW = "raw"  # a string without quotes, taken literally
     BROKEN = "broken"  # reported already; carries no value
 
 
 class Scalar:
-    """A string, number or name; adjacent strings are several literals.
+    """A string, number or name. Adjacent strings are several literals.
 
     Attributes:
-        kind: how it is written; texts: the literals as they are written; parts: their offsets.
+        kind: its notation; texts: the literals; parts: their offsets.
     """
 
     __slots__ = ("end", "kind", "parts", "start", "texts")
@@ -62,11 +62,11 @@ class Field:
 
     Attributes:
         name: of the field, or the type between square brackets.
-        name_start, name_end: offsets of the name, brackets included.
-        is_type: whether the name stands in square brackets.
+        name_start, name_end: offsets of the name, including brackets.
+        is_type: whether the name is in square brackets.
         has_colon: whether a colon follows the name.
-        value: None where it is missing, which has been reported.
-        end: offset after the value, a separator not included.
+        value: None if it is missing, which has been reported.
+        end: offset after the value, without a separator.
         separator: the comma or semicolon after it; "" for none.
     """
 

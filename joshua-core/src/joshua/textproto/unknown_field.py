@@ -1,4 +1,4 @@
-"""The error for a name that is no field of its block: the nearest names, or the block where it belongs."""
+"""The error for an unknown field of a block: the nearest names, or the block where it belongs."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _DEEPEST = 3
 def report_unknown_field(
     problems: Diagnostics, source: Source, around: Sequence[Any], field: Field, path: str
 ) -> None:
-    """Reports a field that its block does not have.
+    """Report an unknown field of a block.
 
     Args:
-        around: descriptors of the block and of those around it, the innermost last.
+        around: descriptors of the block and its enclosing ones, the innermost last.
     """
     descriptor = around[-1]
     place = Span(source, field.name_start, field.name_end)
@@ -61,7 +61,7 @@ def report_unknown_field(
 
 
 def _home_of(descriptor: Any, name: str) -> str:
-    """Finds the nearest block inside a message that has a field of this name; "" for none."""
+    """Find the nearest block inside a message with a field of this name; "" for none."""
     level = [(descriptor, "")]
     seen = {descriptor.full_name}
     for _ in range(_DEEPEST):

@@ -1,10 +1,10 @@
-"""For editors, dashboards, scripts and the commands of plugins: load, check, plan, explain, hold nodes.
+"""For editors, dashboards, scripts and the commands of plugins: load, check, plan, explain, reserve nodes.
 
-Nothing is imported before it is used. ``check(path)`` finds every problem of a file, ``plan(path)`` says what
-it starts, ``explain(name)`` documents a field. ``check_file`` and ``finish`` do the same in two steps, for a
+Names are imported at first use. ``check(path)`` finds every problem of a file, ``plan(path)`` lists what it
+starts, ``explain(name)`` documents a field. ``check_file`` and ``finish`` do the same in two steps, for a
 program that changes the configuration between them. ``RunningSystem`` finds what runs, calls its nodes and
-receives its ``events``; ``foreground_job`` lets a program hold nodes of a robot as a run does. A command of a
-plugin takes its options, its exit codes and its emulators from here.
+receives its ``events``; ``foreground_job`` reserves nodes of a robot for a program, as a run does. Commands
+of plugins import their options, exit codes and emulators from here.
 """
 
 from __future__ import annotations

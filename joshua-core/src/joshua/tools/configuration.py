@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def check(path: str | os.PathLike[str], **options: Any) -> PipelineResult:
-    """Find every problem of a configuration file; never raises for its content.
+    """Find every problem of a configuration file. Never raises because of its content.
 
     Args:
         path: of the file; options: fields of ``Request``, such as ``overrides`` or ``emulate``.
@@ -21,7 +21,7 @@ def check(path: str | os.PathLike[str], **options: Any) -> PipelineResult:
 
 
 def plan(path: str | os.PathLike[str], **options: Any) -> PipelineResult:
-    """Check a file, and plan what it starts if it has no errors."""
+    """Check a file and, if it has no errors, plan what it starts."""
     return _examined(path, "SHOW", options)
 
 
@@ -62,7 +62,7 @@ def calibration_place(emulate: bool, simulate: bool = False) -> Callable[[str, s
     """Return the rule that names the calibration file for a configuration's path and its robot's id.
 
     Args:
-        emulate, simulate: whether the arms are emulated or simulated; theirs is kept for this user.
+        emulate, simulate: whether the arms are emulated or simulated. Those calibrations are kept per user.
     """
     import os
 

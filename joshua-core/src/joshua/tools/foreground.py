@@ -1,4 +1,4 @@
-"""A program that holds nodes of a robot without starting them, such as a calibration."""
+"""Reserve nodes of a robot for a program that does not start them, such as a calibration."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ def foreground_job(
     report: Callable[[str], tuple[str, str]],
     stop: Callable[[], None],
 ) -> Iterator[None]:
-    """Hold nodes of a plan for this program, as a run does, and answer ``joshua status`` and ``stop``.
+    """Reserve nodes of a plan for this program, as a run does, and answer ``joshua status`` and ``stop``.
 
     Args:
-        plan: of the file; mode: shown by status; nodes: names of the nodes to hold.
-        report: returns the state of a node by its name, such as ``ready``, and what is being done with it.
+        plan: of the file; mode: shown by status; nodes: names of the nodes to reserve.
+        report: returns the state of a node by name, such as ``ready``, and the current activity.
         stop: called by ``joshua stop``, in the thread that answers.
 
     Raises:
-        NotStartedError: another run holds a node, or the folder of running systems cannot be used.
+        NotStartedError: another run uses a node, or the folder of running systems cannot be used.
     """
     held = {spec.name: spec.full_name for spec in plan.nodes if spec.name in nodes}
     began_s = time.monotonic()

@@ -9,7 +9,7 @@ from joshua.plan import TransportSettings
 
 
 class GraphError(Exception):
-    """A program cannot join the graph, or a command about it cannot continue.
+    """The program cannot join the graph, or the command cannot continue.
 
     Attributes:
         code: exit code.
@@ -21,11 +21,11 @@ class GraphError(Exception):
 
 
 def graph_transport(path: str | None, option: str) -> TransportSettings:
-    """The transport of the command line, a configuration file or the environment.
+    """Return the transport chosen by the command line, a configuration file or the environment.
 
     Args:
-        path: of a configuration whose transport block counts; None for the environment.
-        option: name of a transport that was asked for; "" for none.
+        path: of a configuration whose transport block applies; None for the environment.
+        option: name of the requested transport; "" for none.
 
     Raises:
         GraphError: the environment is invalid, the file cannot be read or the transport is not installed.

@@ -1,4 +1,4 @@
-"""ROS 2 topics behind one interface. Zenoh is part of the core; plugins bring other transports."""
+"""ROS 2 topics behind one interface. Zenoh is part of the core; Plugins provide other transports."""
 
 from __future__ import annotations
 
@@ -41,28 +41,27 @@ __all__ = [
 # parameters of mallopt(3)
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _KEPT_B = 64 * 2**20
-_LARGEST_BLOCK_B = 32 * 2**20  # the most that glibc allows
+_LARGEST_BLOCK_B = 32 * 2**20  # the maximum of glibc
 
 
 class Host(Protocol):
-    """What a run hosts for its nodes, such as the Zenoh router."""
+    """An object that a run hosts for its nodes, such as the Zenoh router."""
 
     @property
     def description(self) -> str:
-        """What is hosted where, for the start-up table."""
+        """The hosted object and its address, for the start-up table."""
         raise NotImplementedError
 
     def close(self) -> None:
-        """Stop hosting; idempotent."""
+        """Stop hosting. Idempotent."""
         raise NotImplementedError
 
 
 def open_transport(settings: TransportSettings) -> Transport:
     """Connect this process to the ROS 2 graph.
 
-    Open it once in a process and never before a fork: a child that inherits an open Zenoh session
-    hangs when it opens one of its own. Type hashes and message classes follow ``settings.distro`` from
-    here on.
+    Open it once in a process and never before a fork: a child that inherits an open Zenoh session hangs when
+    it opens another one. Afterwards, type hashes and message classes are those of ``settings.distro``.
 
     Raises:
         TransportError: the middleware refuses the settings.
@@ -77,10 +76,10 @@ def open_transport(settings: TransportSettings) -> Transport:
 
 
 def prepare_transport(settings: TransportSettings) -> Host | None:
-    """Check what a transport needs of this machine, and host what its nodes need.
+    """Check that a transport can be used on this machine, and host what its nodes need.
 
     Returns:
-        What to close at the end of the run; None where nothing is hosted.
+        The object to close at the end of the run; None if nothing is hosted.
 
     Raises:
         TransportError: the settings cannot be used on this machine.

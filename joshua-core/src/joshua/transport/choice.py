@@ -1,6 +1,6 @@
-"""Which transport carries the topics: the file's block, else ROS 2's own settings, else Zenoh.
+"""Selects the transport: the file's block, else the settings of ROS 2, else Zenoh.
 
-Nothing heavy is imported, and plugins are asked only where something other than Zenoh may be chosen.
+Imports nothing heavy, and loads plugins only if another transport than Zenoh is possible.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ _AskRegistry = Callable[[], "Registry"]
 
 
 class TransportChoiceError(TransportError):
-    """A setting names something that neither ROS 2 nor an installed plugin knows.
+    """A setting has a value that neither ROS 2 nor an installed plugin supports.
 
     Attributes:
         variable: name of the environment variable or option; found: its value.
-        allowed: what it may be, the nearest first; remedy: what to do next.
+        allowed: allowed values, the nearest first; remedy: what to do next.
     """
 
     def __init__(self, variable: str, found: str, allowed: Sequence[str], remedy: str) -> None:
@@ -65,14 +65,14 @@ def choose_transport(
     """Choose the transport and state the reason.
 
     Args:
-        block: what the file says; the empty block where it says nothing.
+        block: block of the file, or an empty block.
         environment: environment variables.
-        registry: loads what is installed; called only if it matters.
-        option: what the command line says, such as ``dds``.
+        registry: loads the installed plugins. Called only if needed.
+        option: value on the command line, such as ``dds``.
         tls: the block's certificates, as absolute paths.
 
     Returns:
-        The settings; without ``implementation`` where no installed plugin provides the transport.
+        The settings, without ``implementation`` if no installed plugin provides the transport.
 
     Raises:
         TransportChoiceError: ``--transport``, ``RMW_IMPLEMENTATION``, ``ROS_DOMAIN_ID`` or
@@ -100,18 +100,18 @@ def choose_transport(
 
 
 def usable_transport(registry: Registry, kind: str) -> TransportSpec | None:
-    """The installed transport of a name; None where there is none or its library is not installed."""
+    """The installed transport of a name; None if there is none or its library is not installed."""
     spec = registry.transports().get(kind)
     return spec if spec is not None and not lacks_library(spec) else None
 
 
 def lacks_library(spec: TransportSpec) -> bool:
-    """Whether the library of a transport is not installed; imports nothing."""
+    """Whether the library of a transport is missing, without importing it."""
     return bool(spec.library) and importlib.util.find_spec(spec.library) is None
 
 
 def why_missing(settings: TransportSettings, registry: Registry) -> tuple[str, str]:
-    """What is not installed for the chosen transport, and what to do."""
+    """Why the selected transport is not usable, and what to do."""
     from joshua.plan import installing
 
     spec = registry.transports().get(settings.kind)
@@ -127,7 +127,7 @@ def why_missing(settings: TransportSettings, registry: Registry) -> tuple[str, s
 
 
 def partial_qos(kind: str, qos: QosProfile) -> str:
-    """Which settings of a profile act between JOSHUA's nodes only; "" if all act everywhere."""
+    """Settings of a profile that have an effect only between JOSHUA's nodes; "" if there are none."""
     settings = [
         name
         for name, used in (
@@ -194,7 +194,7 @@ def _discovery_range(
 ) -> tuple[_Range, str]:
     text = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").strip().upper()
     if not text:
-        # a file that names an interface means the machines on it; ROS_LOCALHOST_ONLY is Humble's switch
+        # an interface in the file includes the machines on it; ROS_LOCALHOST_ONLY is Humble's setting
         opened = block.network_interface and environment.get("ROS_LOCALHOST_ONLY", "0") != "1"
         return ("SUBNET" if opened else "LOCALHOST"), ""
     if text not in _RANGES:

@@ -1,4 +1,4 @@
-"""The receive queue of a subscription: filled by the network thread, emptied by a thread of its own."""
+"""The receive queue of a subscription: filled by the network thread, emptied by a separate thread."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _log = logging.getLogger("joshua.transport")
 
 
 class Delivery:
-    """Hands items to a callback one at a time, on one thread, in order.
+    """Passes items to a callback one at a time, on one thread, in order.
 
-    With KEEP_LAST the queue holds the newest ``depth`` items, so that a slow callback meets fresh data
-    and never holds up the network thread.
+    With KEEP_LAST the queue holds the newest ``depth`` items, so a slow callback gets fresh data and never
+    blocks the network thread.
 
     Args:
         name: name of the thread.
@@ -36,7 +36,7 @@ class Delivery:
         self._thread.start()
 
     def push(self, item: Any) -> None:
-        """Queues an item; drops the oldest one when the queue is full."""
+        """Queues an item, and drops the oldest one if the queue is full."""
         self._items.append(item)
         try:
             self._wake.release()
@@ -44,10 +44,10 @@ class Delivery:
             return  # a wake-up is pending already
 
     def close(self) -> None:
-        """Ends the thread; after the return the callback does not run any more."""
+        """Ends the thread. The callback does not run after the return."""
         self._closed = True
         self._items.clear()
-        with contextlib.suppress(RuntimeError):  # it is about to wake anyway
+        with contextlib.suppress(RuntimeError):  # it wakes soon anyway
             self._wake.release()
         if threading.current_thread() is not self._thread:
             self._thread.join()
@@ -64,5 +64,5 @@ class Delivery:
                 handle(item)
             except Exception:  # noqa: BLE001 - a failing callback must not end the subscription
                 _log.exception("the callback of %s failed", self._thread.name)
-            # an item kept here would keep its buffer until the next one arrives
+            # a reference here would keep its buffer until the next one arrives
             del item

@@ -1,8 +1,8 @@
 """The transport interface: ROS 2 nodes, endpoints and graph over serialised CDR payloads.
 
 A transport derives from ``Transport``, ``NodeHandle``, ``Publisher`` and ``Subscription`` and implements
-what is abstract here. Names, life cycle and the thread of the events are common to all of them. Plugins
-take this module from ``joshua.api``.
+their abstract methods. Names, life cycle and the event thread are common to all. Plugins import these classes
+from ``joshua.api``.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ Emit = Callable[[str, str], None]
 
 Serve = Callable[[bytes], "bytes | Future[bytes]"]
 NAMELESS = "_CREATED_BY_BARE_DDS_APP_"
-"""Name that ROS 2 gives to the node of endpoints that no node has announced as its own."""
+"""Name in ROS 2 for the node of endpoints that no node has announced."""
 
 _TOPIC = re.compile(r"^(/[A-Za-z_][A-Za-z0-9_]*)+$")
 _NODE = re.compile(r"^[A-Za-z_][A-Za-z0-9_]*$")
 
 
 class TransportError(RuntimeError):
-    """The transport cannot be opened or used as asked; the message says why and what to do."""
+    """The transport cannot be opened or used. The message says why and what to do."""
 
     exit_code: ClassVar[int] = 1
 
@@ -48,8 +48,8 @@ class Sample:
         cdr: serialised payload with its 4-byte encapsulation header.
         source_stamp_ns: the publisher's clock when it published, ns since the epoch; 0 if unknown.
         received_ns: this process's clock when the sample was taken from the receive queue, ns since the
-            epoch; with a slow callback that is later than its arrival.
-        sequence: the publisher's running number where the wire carries one, else 0.
+            epoch; later than its arrival if the callback is slow.
+        sequence: the publisher's sequence number if it is sent, else 0.
         publisher_gid: identity of the publisher, 16 bytes; empty if unknown.
     """
 
@@ -101,7 +101,7 @@ class Endpoint(ABC):
         self._closed = False
 
     def close(self) -> None:
-        """Leave the graph; idempotent. After the return no callback of a subscription runs."""
+        """Leave the graph. Idempotent. No callback of a subscription runs after the return."""
         with self._lock:
             if self._closed:
                 return
@@ -111,11 +111,11 @@ class Endpoint(ABC):
 
     @abstractmethod
     def _leave(self) -> None:
-        """Give back what the middleware holds for this endpoint; called once."""
+        """Release the middleware's resources of this endpoint. Called once."""
 
 
 class Publisher(Endpoint):
-    """Sends serialised messages on one topic; thread-safe."""
+    """Sends serialised messages on one topic. Thread-safe."""
 
     @abstractmethod
     def publish(self, cdr: Buffer) -> None:
@@ -132,7 +132,7 @@ class Publisher(Endpoint):
 
 
 class Subscription(Endpoint):
-    """Receives serialised messages of one topic; the callback runs on a thread of the transport."""
+    """Receives serialised messages of one topic. The callback runs on a thread of the transport."""
 
     @property
     @abstractmethod
@@ -144,7 +144,7 @@ EndpointT = TypeVar("EndpointT", bound=Endpoint)
 
 
 class NodeHandle(ABC):
-    """A ROS 2 node in the graph; closing it closes its endpoints."""
+    """A ROS 2 node in the graph. Closing it closes its endpoints."""
 
     def __init__(self, transport: Transport, name: str, namespace: str) -> None:
         self.name, self.namespace = name, namespace
@@ -161,7 +161,7 @@ class NodeHandle(ABC):
         Args:
             topic: fully qualified name, such as ``/leader/joint_states``.
             type_name: ROS 2 type, such as ``sensor_msgs/msg/JointState``.
-            qos: profile that is offered.
+            qos: offered profile.
             on_event: called with (event, detail) on a thread of the transport.
 
         Raises:
@@ -186,7 +186,7 @@ class NodeHandle(ABC):
         Args:
             topic: fully qualified name.
             type_name: ROS 2 type.
-            qos: profile that is asked for; with KEEP_LAST its depth bounds the receive queue.
+            qos: requested profile. With KEEP_LAST, its depth bounds the receive queue.
             callback: called with each sample, one at a time, on a thread of this subscription.
             on_event: as for publishers; a lost publisher is ``liveliness-lost``.
 
@@ -208,7 +208,8 @@ class NodeHandle(ABC):
                 serialised response, or a future of it.
 
         Raises:
-            TransportError: the name is invalid, the node is closed, or the transport carries no services.
+            TransportError: the name is invalid, the node is closed, or the transport does not support
+            services.
             MessageError: the type is unknown.
         """
         full = require_type(type_name)
@@ -219,13 +220,14 @@ class NodeHandle(ABC):
         """Call a service and return its serialised response.
 
         Raises:
-            TransportError: nobody answers in time, the server refuses, or the transport carries no services.
+            TransportError: no response in time, the server refuses, or the transport does not support
+            services.
             MessageError: the type is unknown.
         """
         return self._call(require_topic(name), require_type(type_name), request, timeout_s)
 
     def close(self) -> None:
-        """Close the endpoints and leave the graph; idempotent."""
+        """Close the endpoints and leave the graph. Idempotent."""
         with self._lock:
             if self._closed:
                 return
@@ -236,7 +238,7 @@ class NodeHandle(ABC):
         self._transport.forget(self)
 
     def forget(self, endpoint: Endpoint) -> None:
-        """Drop an endpoint that closes."""
+        """Drop a closing endpoint."""
         with self._lock:
             self._endpoints.remove(endpoint)
             if not self._closed:
@@ -244,7 +246,7 @@ class NodeHandle(ABC):
 
     @abstractmethod
     def publisher_node(self, publisher_gid: bytes) -> str:
-        """Full name of the node that owns a publisher; "" if not known. Searches the whole graph."""
+        """Full name of the node of a publisher; "" if unknown. Searches the whole graph."""
 
     @abstractmethod
     def _make_publisher(self, topic: str, type_name: str, qos: QosProfile, emit: Emit | None) -> Publisher:
@@ -271,10 +273,10 @@ class NodeHandle(ABC):
 
     @abstractmethod
     def _leave(self) -> None:
-        """Leave the graph; called once, after the endpoints are closed."""
+        """Leave the graph. Called once, after the endpoints are closed."""
 
     def _endpoints_changed(self) -> None:
-        """Announce the endpoints, where the node does that."""
+        """Announce the endpoints, if the node does that."""
 
     def _add(self, make: Callable[[], EndpointT]) -> EndpointT:
         with self._lock:
@@ -303,7 +305,7 @@ class Transport(ABC):
         self._closed = False
         self._process_id = os.getpid()
         self._events = Delivery("joshua-events", None, lambda event: event[0](*event[1:]))
-        # a connection that is still open at the end of the interpreter calls back into nothing
+        # an open connection at the end of the interpreter would call back into freed objects
         atexit.register(self.close)
 
     def create_node(self, name: str, namespace: str = "/") -> NodeHandle:
@@ -320,7 +322,7 @@ class Transport(ABC):
         return node
 
     def close(self) -> None:
-        """Close everything; idempotent, and without effect in a fork."""
+        """Close everything. Idempotent, and without effect in a fork."""
         with self._lock:
             if self._closed or os.getpid() != self._process_id:
                 return
@@ -332,12 +334,12 @@ class Transport(ABC):
         self._leave()
 
     def forget(self, node: NodeHandle) -> None:
-        """Drop a node that closes."""
+        """Drop a closing node."""
         if node in self._nodes:
             self._nodes.remove(node)
 
     def emitter(self, on_event: Emit | None) -> Emit | None:
-        """A function that passes events to a callback on a thread where the callback may block."""
+        """A function that passes events to a callback on a thread that may block."""
         if on_event is None:
             return None
         return lambda event, detail: self._events.push((on_event, event, detail))
@@ -345,19 +347,19 @@ class Transport(ABC):
     @property
     @abstractmethod
     def connected(self) -> bool:
-        """Whether the meeting point of the transport answers: a router over Zenoh; always over DDS."""
+        """Whether the transport can find others: over Zenoh if a router responds; over DDS always."""
 
     @property
     @abstractmethod
     def meeting_point(self) -> str:
-        """Where this process looks for others, for messages."""
+        """Address at which this process finds others, for messages."""
 
     @abstractmethod
     def nodes(self) -> list[NodeInfo]:
-        """The graph as known at present: every node of the domain, ours and ROS 2's, with its endpoints."""
+        """The present graph: every node of the domain, of JOSHUA and ROS 2, with its endpoints."""
 
     def services(self) -> list[ServiceInfo]:
-        """The services in the graph as known at present, sorted by name."""
+        """The services in the present graph, sorted by name."""
         return []
 
     @abstractmethod
@@ -366,11 +368,11 @@ class Transport(ABC):
 
     @abstractmethod
     def _leave(self) -> None:
-        """Leave the graph; called once, after the nodes are closed."""
+        """Leave the graph. Called once, after the nodes are closed."""
 
 
 def require_topic(topic: str) -> str:
-    """Return a fully qualified topic or service name as it is.
+    """Check and return a fully qualified topic or service name.
 
     Source: ROS 2 design, "Topic and Service name mapping to DDS".
 

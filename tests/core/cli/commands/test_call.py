@@ -50,7 +50,7 @@ def test_a_model_is_unloaded_and_loaded_and_the_arm_holds_meanwhile(
     run = started(joshua)
     listed = joshua("call")
     assert (
-        "\n  release_override  Ends an override: the leader or model of the file has control again. "
+        "\n  release_override  Ends an override and returns control to the leader or model of the file. "
         "(local only)\n  resume  Ends a fault: checks the device as at the start, and energises"
         in listed.stdout
     )

@@ -150,4 +150,4 @@ def test_a_result_that_says_something_else_is_refused(
     monkeypatch.setattr(format_file, "format_source", lambda *_: "general {}\n")
     assert run(str(path)) == 2
     assert path.read_text() == UGLY
-    assert "Formatting would change what" in capsys.readouterr().err
+    assert "Formatting would change the content of" in capsys.readouterr().err

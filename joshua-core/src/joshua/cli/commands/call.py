@@ -90,7 +90,7 @@ def _json(text: str) -> Any:
 
 
 def _list(nodes: list[tuple[RunningSystem, str]], args: argparse.Namespace) -> int:
-    """List nodes and their verbs; a node that does not answer is a row as well."""
+    """List nodes and their verbs; a node that does not respond is also listed."""
     from joshua.ipc.client import CallError
 
     rows: list[dict[str, Any]] = []

@@ -14,7 +14,7 @@ from joshua.cli.options import add_config_options, add_fault_option
 if TYPE_CHECKING:
     import argparse
 
-#: How late a signal may be noticed.
+#: Longest delay before a signal is noticed.
 LOOK_S = 0.1
 
 
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Start the emulators, print where each is reached, and wait for Ctrl-C."""
+    """Start the emulators, print their addresses, and wait for Ctrl-C."""
     from joshua.cli.report import NotStartedError, file_missing, request_of
     from joshua.cli.stand_ins import replace_devices
     from joshua.planner.pipeline import check_file
@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
             raise NotStartedError.of(checked.result, arguments.format)
         with ExitStack() as stack:
             replace_devices(checked, arguments, stack)
-            ended = catch_the_end()  # before the hint that a signal ends it
+            ended = catch_the_end()  # before printing that a signal ends it
             sys.stdout.write("stop with Ctrl-C\n")
             sys.stdout.flush()
             while not ended.wait(LOOK_S):
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def catch_the_end() -> threading.Event:
-    """Set an event when a signal asks for the end, whichever thread the system gives it to."""
+    """Set an event when a signal requests the end, on whichever thread it arrives."""
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: ended.set())

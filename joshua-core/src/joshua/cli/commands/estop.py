@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Latches = Mapping[Path, LatchFolder]
 
-#: Within this time a start of a run shows itself …
+#: Within this time, a starting run becomes visible …
 STARTING_S = 2.0
 #: … and within this one its actuators can be latched, before they have torque.
 STARTED_S = 30.0
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def stop(latches: Latches, args: argparse.Namespace) -> int:
-    """Latch the e-stop of the chosen systems, all at once, and wait for each device."""
+    """Latch the e-stop of all chosen systems first, then wait for each device."""
     word = args.config or ""
     systems = _systems(latches, word)
     if not systems and Path(word).is_file():
@@ -146,7 +146,7 @@ def release(latches: Latches, word: str) -> int:
         listing = dict.fromkeys(f"  {item.source or item.robot}  since {item.since}\n" for item in standing)
         sys.stderr.writelines(listing)
         return ExitCode.INVALID
-    for latch in chosen:  # one for each base, and more if two commands latched one robot at the same moment
+    for latch in chosen:  # one per base, and more if two commands latched a robot at the same moment
         for folder in latches.values():
             folder.clear(latch)
     for system in _systems(latches, ""):

@@ -1,4 +1,4 @@
-"""``joshua new-plugin``: write a distribution with a working driver, to be made your own."""
+"""``joshua new-plugin``: write a distribution with a working driver to start from."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from joshua.cli.exit_codes import ExitCode
 if TYPE_CHECKING:
     import argparse
 
-#: The kinds of plugins, and what the driver of each simulates. A file beside this one holds its template.
+#: The kinds of plugins, and the device that each driver simulates. The templates are beside this file.
 KINDS = {"actuator": "an actuator with one joint", "sensor": "a sensor that measures a distance"}
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z][a-z0-9]*)*")

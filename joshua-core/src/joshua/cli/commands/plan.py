@@ -1,4 +1,4 @@
-"""``joshua plan FILE``: show what a file starts, without starting it."""
+"""``joshua plan FILE``: show the nodes that a file starts, without starting them."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def without_password(text: str) -> str:
 
 
 def node_lines(node: NodeSpec) -> list[str]:
-    """Return one node as text: what runs, where, and its topics with type, rate and quality of service."""
+    """Return one node as text: implementation, host, and topics with type, rate and quality of service."""
     where = [f"process group {node.process_group}"] if node.process_group else []
     where += [f"host {node.host}"] if node.host else []
     where += [f"interpreter {node.interpreter}"] if node.interpreter else []

@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def libraries(rows: Sequence[PluginRow]) -> tuple[PluginRow, ...]:
-    """Distributions that bring commands and nothing else."""
+    """Distributions that provide only commands."""
     from importlib import metadata
 
     from joshua.cli.table import commands_by_distribution
@@ -93,7 +93,7 @@ def libraries(rows: Sequence[PluginRow]) -> tuple[PluginRow, ...]:
 
 
 def checked(row: PluginRow) -> PluginRow:
-    """The same plugin, with everything that it names imported and checked, commands included."""
+    """The same plugin, with all import strings loaded and checked, including commands."""
     from dataclasses import replace
 
     from joshua.cli.table import PluginCommandError, load_command, plugin_commands
@@ -113,12 +113,12 @@ def checked(row: PluginRow) -> PluginRow:
 
 
 def subject(spec: PluginSpec) -> str:
-    """What a spec stands for in a configuration file."""
+    """The value or block of a spec in a configuration file."""
     return getattr(spec, "name", "") or spec.block or ", ".join(spec.enum_values)
 
 
 def listing(rows: Sequence[PluginRow]) -> str:
-    """Lay out plugins: one block of lines for each, problems before what it provides."""
+    """Lay out plugins: one block of lines each, problems first."""
     from joshua.cli.table import commands_by_distribution
     from joshua.supervisor.tables import Screen, columns
 

@@ -61,7 +61,7 @@ def listing(presets: Iterable[Preset], width: int) -> str:
     lines += _wrapped(
         f"{ready} of {len(presets)} presets can run with the plugins that are installed.", width
     )
-    for hint in installing.hints(missing):  # a command stays whole
+    for hint in installing.hints(missing):  # a command is not wrapped
         lines += [hint] if hint.startswith("install") else _wrapped(hint, width)
     lines += _wrapped("Copy one to change it:  joshua new my_robot --from PRESET", width)
     return "\n".join(lines) + "\n"
@@ -72,7 +72,7 @@ def _wrapped(text: str, width: int) -> list[str]:
 
 
 def needs(preset: Preset) -> str:
-    """What a preset needs, and whether that is installed; if not, whether it can be."""
+    """Requirements of a preset, and whether they are installed or can be installed."""
     from joshua.plan import installing
 
     missing = [name for name in preset.required if not is_usable(name)]
@@ -96,7 +96,7 @@ def _usable() -> frozenset[str]:
 
 
 def is_usable(distribution: str) -> bool:
-    """Whether the plugin of a distribution is installed, and nothing is wrong with it."""
+    """Whether the plugin of a distribution is installed and works."""
     return distribution in _usable()
 
 
@@ -108,7 +108,7 @@ def has_extras(preset: Preset) -> bool:
 
 
 def unknown_preset(command: str, name: str, names: list[str]) -> str:
-    """Return the error that no preset has a name, with the nearest names."""
+    """Return the error for an unknown preset, with the nearest names."""
     import difflib
 
     nearest = difflib.get_close_matches(name, names, n=3, cutoff=0.5)

@@ -91,7 +91,7 @@ def watch(systems: list[RunningSystem], *, as_json: bool) -> int:
                 screen.show(system, event)
             sys.stdout.flush()
     except KeyboardInterrupt:
-        return ExitCode.OK  # this is how a user ends it
+        return ExitCode.OK  # the usual way to end it
     return ExitCode.FAILED if failed else ExitCode.OK
 
 

@@ -1,1 +1,1 @@
-"""``joshua doctor``: what of this machine and its devices is in order, and what to do about the rest."""
+"""``joshua doctor``: checks this machine and its devices, and names remedies."""

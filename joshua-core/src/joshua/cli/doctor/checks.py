@@ -1,13 +1,13 @@
 """The checks of every machine, and those that plugins add: entry points of the group ``joshua.doctor``.
 
-The entry point names a light module. Each of these names may stand in it:
+The entry point names a light module with any of these names:
 
 - ``CHECKS``: functions that check the machine and open no device: ``check(host)`` yields results.
 - ``DEVICE_CHECKS``: functions that open devices: ``check(host, arguments)``. They do not run with
   ``--no-scan``, nor with a file, whose drivers open its devices.
 - ``NODE_CHECKS``: functions that check one actuator of a file: ``check(spec, settings)``.
-- ``add_arguments(parser)``: adds options to the command.
-- ``begin(arguments, host)``: runs first; the command exits with the code that it returns, None continues.
+- ``add_arguments(parser)``: add options to the command.
+- ``begin(arguments, host)``: runs first. The command exits with the returned code; None continues.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ ENTRY_POINT_GROUP = "joshua.doctor"
 Check = Callable[[Host], Iterable[DoctorResult]]
 
 SOFTWARE = "software"
-# The part of a version number whose change means that core and plugin do not fit.
+# The part of the version number that core and plugin must share.
 SERIES = 2
 
 
 def check_software(host: Host) -> Iterator[DoctorResult]:
     """Name versions, and the problems of plugins."""
-    del host  # the software is that of this process
+    del host  # describes the software of this process
     try:
         core = metadata.version("joshua-core")
     except metadata.PackageNotFoundError:
@@ -129,7 +129,7 @@ CHECKS: tuple[Check, ...] = (check_software, check_realtime, check_shared_memory
 
 
 def installed_parts() -> list[Any]:
-    """The modules that installed plugins add, by name; in place of a broken one, a check that says so."""
+    """The modules of installed plugins by name. A check replaces a broken one and reports it."""
     points = {(point.name, point.value): point for point in metadata.entry_points(group=ENTRY_POINT_GROUP)}
     return [_load(points[key]) for key in sorted(points)]
 

@@ -1,4 +1,4 @@
-"""The devices of a configuration: its drivers open and check them as a run would, with torque off."""
+"""The devices of a configuration. Its drivers open and check them as in a run, with torque off."""
 
 from __future__ import annotations
 

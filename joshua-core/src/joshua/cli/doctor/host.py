@@ -1,4 +1,4 @@
-"""The machine that the doctor checks: its files, its user, and what that user may open."""
+"""The machine that the doctor checks: its files, its user, and the user's permissions."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class Host:
     """One machine.
 
     Attributes:
-        root: folder that holds ``dev``, ``sys``, ``proc`` and ``etc``: ``/`` for this machine.
-        uid, groups: of the user, as this session has them; user: name.
+        root: folder with ``dev``, ``sys``, ``proc`` and ``etc``: ``/`` for this machine.
+        uid, groups: of the user in this session; user: name.
     """
 
     root: Path = Path("/")
@@ -61,7 +61,7 @@ class Host:
             return str(number)
 
     def members(self, group: str) -> tuple[str, ...]:
-        """Members of a group in the machine's list; a session has them from its next log-in on."""
+        """Members of a group in the machine's list, which takes effect at the next log-in."""
         for line in self.read("etc/group").splitlines():
             parts = line.split(":")
             if parts[0] == group and len(parts) > 3:
@@ -97,6 +97,6 @@ def may_open(host: Host, path: str) -> DoctorResult:
 
 
 def _allows(mode: int, is_owner: bool, is_member: bool) -> bool:
-    """Whether a mode allows reading and writing; the first class that fits decides, as in the kernel."""
+    """Whether a mode allows reading and writing. The first matching class decides, as in the kernel."""
     shift = 6 if is_owner else 3 if is_member else 0
     return mode >> shift & 0o6 == 0o6

@@ -1,4 +1,4 @@
-"""The checks of a configuration, one file for each family of rules."""
+"""The checks of a configuration, one file per family of rules."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from joshua.textproto.limits import MAX_PROBLEMS
 
 __all__ = ["Context", "at_most", "check", "settle"]
 
-# Each family is a module with a function ``check``; the condition says which files it concerns, so that
-# the others do not wait for its import.
+# Each family is a module with a function ``check``; its condition selects the files that it concerns, so that
+# other files do not import it.
 _FAMILIES: dict[str, Callable[[Context], bool]] = {
     "fields": lambda context: True,
     "name_rules": lambda context: True,
@@ -36,11 +36,11 @@ def check(loaded: LoadedConfig, without: Collection[str] = ()) -> list[Diagnosti
     """Check a loaded configuration against every rule that needs no device, plugin or other file.
 
     Args:
-        loaded: what ``joshua.config.load`` returned, be it complete or not.
-        without: families that have no meaning in the file's mode.
+        loaded: the result of ``joshua.config.load``, complete or not.
+        without: families that do not apply in the file's mode.
 
     Returns:
-        Every problem, in the order of the families of rules; rendering sorts them by place.
+        Every problem, in the order of the families. Rendering sorts them by position.
     """
     if not loaded.is_readable:
         return []
@@ -54,10 +54,10 @@ def check(loaded: LoadedConfig, without: Collection[str] = ()) -> list[Diagnosti
 
 
 def settle(findings: Iterator[Diagnostic], loaded: LoadedConfig) -> list[Diagnostic]:
-    """Bound the findings of a family of checks, and leaves out those that read what is not known.
+    """Limit the findings of a family of checks, and omit those that depend on unknown values.
 
     Args:
-        findings: as the checks yield them; loaded: what was checked.
+        findings: of the checks; loaded: the checked configuration.
     """
     taken = at_most(findings)
     if not taken or (
@@ -70,7 +70,7 @@ def settle(findings: Iterator[Diagnostic], loaded: LoadedConfig) -> list[Diagnos
 
 
 def at_most(findings: Iterator[Diagnostic], most: int = MAX_PROBLEMS) -> list[Diagnostic]:
-    """Take as many findings as a person may read, and say so if there are more."""
+    """Limit the number of findings, and report if there are more."""
     taken = list(islice(findings, most))
     if next(findings, None) is not None:
         taken.append(
@@ -78,7 +78,7 @@ def at_most(findings: Iterator[Diagnostic], most: int = MAX_PROBLEMS) -> list[Di
                 code="too-many-problems",
                 severity=Severity.ERROR,
                 message=f"Checking stopped after {most} problems; there may be more.",
-                remedy="Correct the problems that are shown and run the command again.",
+                remedy="Correct these problems and run the command again.",
             )
         )
     return taken

@@ -28,7 +28,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
             yield context.error("calibration-duplicate", message, f"{path}.node_name", related=related)
         elif arm.node_name not in actuators:
             if _is_shared(context, path):
-                continue  # the file of the robot holds all its arms, and this configuration has some of them
+                continue  # the robot's file has all its arms, this configuration maybe only some
             yield context.warning(
                 "calibration-unknown-node",
                 f"No actuator of this file is called {arm.node_name}, so this calibration has no effect",
@@ -58,7 +58,7 @@ def _joints(context: Context, path: str, arm: calibration_pb.ArmCalibration) -> 
 def _motors(
     context: Context, path: str, arm: calibration_pb.ArmCalibration, entry: NodeEntry
 ) -> Iterator[Diagnostic]:
-    """The ids of the calibration are those of the bus, no more and no less."""
+    """Check that the calibration has exactly the ids of the bus."""
     name, block = block_of(entry.owner)
     listed: Sequence[int] = getattr(block, "motor_ids", ()) if name != "plugin_config" else ()
     bus = dict.fromkeys(listed)
@@ -78,7 +78,7 @@ def _motors(
                 related=related,
             )
     absent = [str(number) for number in bus if number not in calibrated]
-    # Foreign or doubled ids are reported for themselves, and the same remedy cures what is absent then.
+    # Unknown and duplicate ids are reported separately, with a remedy that also fixes missing ones.
     if absent and calibrated <= set(bus) and len(calibrated) == len(arm.motors):
         motors = f"motor{'s' if len(absent) > 1 else ''} {', '.join(absent)}"
         yield context.error(

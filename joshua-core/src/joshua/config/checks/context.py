@@ -1,4 +1,4 @@
-"""What every check works with: the configuration, where its parts stand, and how findings are made."""
+"""The tools of every check: the configuration, positions of its parts, and constructors of findings."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class Block(NamedTuple):
 
     Attributes:
         path: field path; "" for the whole configuration.
-        message: the message itself; for an ``Any`` block the message inside it.
-        facts: of its fields.
+        message: the message; for an ``Any`` block, the message inside it.
+        facts: schema facts of its fields.
     """
 
     path: str
@@ -35,7 +35,7 @@ class Block(NamedTuple):
     facts: tuple[FieldFacts, ...]
 
     def has_presence(self, name: str) -> bool:
-        """Whether a field of this block knows the difference between unset and default."""
+        """Whether a field of this block distinguishes unset from default."""
         return next(facts.has_presence for facts in self.facts if facts.name == name)
 
     def field_path(self, name: str) -> str:
@@ -72,7 +72,7 @@ def _inner(block: Block) -> Iterator[Block]:
 
 
 def unpacked(block: Any) -> Message | None:
-    """Return the message inside an ``Any`` block, or None when its type is not registered."""
+    """Return the message inside an ``Any`` block, or None if its type is not registered."""
     from google.protobuf import descriptor_pool, message_factory
 
     name = block.type_url.rpartition("/")[2]
@@ -86,10 +86,10 @@ def unpacked(block: Any) -> Message | None:
 
 
 class Context:
-    """One configuration under check, and the maker of diagnostics about it.
+    """A configuration under check, with constructors of diagnostics.
 
     Attributes:
-        loaded: what loading returned; config: the merged message; graph: its nodes and topics.
+        loaded: the result of loading; config: the merged message; graph: its nodes and topics.
         launch: nodes are about to be started.
     """
 
@@ -110,33 +110,33 @@ class Context:
         return bool(getattr(message, name)) or self.loaded.positions.is_set(block.field_path(name))
 
     def is_known(self, path: str, value: int) -> bool:
-        """Whether a number is what the user wrote: set, be it to 0, and not broken."""
+        """Whether a number was set by the user, including 0, and is not broken."""
         positions = self.loaded.positions
         return (value != 0 or positions.is_set(path)) and not positions.is_broken(path)
 
     def position(self, path: str) -> Position | None:
-        """Position of a field's value or a block's name, else of the block around it, else of the file."""
+        """Position of a field's value or a block's name, else of the enclosing block, else of the file."""
         place = self.loaded.positions.nearest(path)
         if place is None and path:
             place = next((Position(file, 1, 1) for file in self.loaded.sources), None)
         return place
 
     def found(self, path: str) -> str:
-        """The value of a field as the user wrote it; "" for a block and for a field that is not written."""
+        """The value of a field as the user wrote it; "" for a block and for an unset field."""
         entry = self.loaded.positions.entry(path)
         if entry is None or entry.value == entry.name:
             return ""
         return entry.value.source.text[entry.value.start : entry.value.end].partition("\n")[0]
 
     def name_position(self, path: str, value: str, fault: NameFault) -> Position | None:
-        """Position of the part of a name that breaks a rule, else of the whole value."""
+        """Position of the invalid part of a name, else of the whole value."""
         place = self.position(path)
         if place is not None and self.found(path)[1:-1] == value:
             return replace(place, column=place.column + 1 + fault.offset, length=max(fault.length, 1))
         return place
 
     def see(self, path: str, label: str) -> tuple[Related, ...]:
-        """A related position, for ``Diagnostic.related``; empty where none is known."""
+        """A related position, for ``Diagnostic.related``; empty if unknown."""
         place = self.position(path)
         return () if place is None else (Related(place, label),)
 
@@ -144,8 +144,8 @@ class Context:
         """Make an error about a field.
 
         Args:
-            details: further attributes of the Diagnostic. Position and ``found`` are those of the field
-                unless given, the remedy is that of the code's table row.
+            details: further attributes of the Diagnostic. Position and ``found`` default to those of the
+                field, the remedy to the one in the code table.
         """
         return self._make(Severity.ERROR, code, message, path, details)
 
@@ -158,7 +158,7 @@ class Context:
         return self._make(Severity.NOTE, code, message, path, details)
 
     def missing(self, code: str, message: str, path: str = "", **details: Any) -> Diagnostic:
-        """Make an error about what a run needs, with the arguments of ``error``; a note without a launch."""
+        """Make an error about something that a run needs, a note without a launch. Arguments as ``error``."""
         severity = Severity.ERROR if self.launch else Severity.NOTE
         return self._make(severity, code, message, path, details)
 
@@ -173,4 +173,4 @@ class Context:
 def _next_step(code: str) -> str:
     from joshua.config.codes import CODES
 
-    return CODES[code].next_step if code in CODES else ""  # a mode of a plugin has codes of its own
+    return CODES[code].next_step if code in CODES else ""  # the mode of a plugin has its own codes

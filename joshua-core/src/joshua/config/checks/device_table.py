@@ -1,4 +1,4 @@
-"""Which block, link and message types fit which device, as the schema declares beside each block."""
+"""The block, link and message types of each device, as declared in the schema."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MEMBERS = {
 
 
 class Messages(NamedTuple):
-    """DataType numbers that a device can publish and can listen to; None: any."""
+    """DataType numbers that a device can publish and subscribe to; None: any."""
 
     publishes: tuple[int, ...] | None
     takes: tuple[int, ...] | None
@@ -38,17 +38,17 @@ _MODEL = Messages((types.JOINT_STATE, types.JOINT_TRAJECTORY), None)
 
 
 def value_name(enum: Any, number: int) -> str:
-    """Name of an enum value, the number itself where it has none."""
+    """Name of an enum value, or its number if it has none."""
     return str(enum.Name(number)) if number in enum.values() else str(number)
 
 
 def type_text(number: int) -> str:
-    """Name of a DataType number, the number itself where it has none."""
+    """Name of a DataType number, or the number if it has none."""
     return value_name(types.DataType, number)
 
 
 def block_of(owner: Any) -> tuple[str, Any]:
-    """Name and content of the settings block of an action or perception; ("", None) where there is none."""
+    """Name and content of the settings block of an action or perception; ("", None) if there is none."""
     oneof = _ONEOFS.get(type(owner))
     name = owner.WhichOneof(oneof[0]) if oneof else None
     return (name, getattr(owner, name)) if name else ("", None)
@@ -63,7 +63,7 @@ def device_block(owner: Any) -> tuple[str, Any, options_pb2.BlockRule]:
 
 
 def frame_rate(owner: Any) -> tuple[str, float]:
-    """Name and value of the field that says how many pictures a camera delivers; ("", 0) for others."""
+    """Name and value of the field with a camera's frame rate; ("", 0) for others."""
     _, content, _ = device_block(owner)
     for facts in field_facts(content.DESCRIPTOR) if content is not None else ():
         if facts.kind == options_pb2.KIND_FRAME_RATE:
@@ -79,13 +79,13 @@ def _blocks_that_fit(owner: Any, type_name: str) -> tuple[str, ...]:
 
 @cache
 def _roles() -> tuple[str, ...]:
-    """Action types that every actuator fits: those that no block claims for itself."""
+    """Action types open to every actuator: those that no block claims."""
     names = [value.name for value in pb.ActionType.DESCRIPTOR.values if value.number]
     return tuple(n for n in names if not n.endswith("_PLUGIN") and not _blocks_that_fit(pb.SingleAction, n))
 
 
 def fitting_blocks(owner: Any) -> tuple[str, ...]:
-    """Blocks that fit the type of an action or perception, the usual one first."""
+    """Blocks that fit the type of an action or perception, most common first."""
     _, field, enum = _ONEOFS[type(owner)]
     value = enum.DESCRIPTOR.values_by_number.get(getattr(owner, field))
     name = value.name if value is not None else ""
@@ -97,7 +97,7 @@ def fitting_blocks(owner: Any) -> tuple[str, ...]:
 
 
 def fitting_types(owner: Any, block_name: str) -> tuple[str, ...]:
-    """Names of the action or perception types that a block fits, the usual one first."""
+    """Names of the action or perception types that a block fits, most common first."""
     message = MEMBERS[type(owner)].get(block_name)
     own = tuple(block_rule(message).fits) if message is not None else ()
     if isinstance(owner, pb.SinglePerception):
@@ -106,9 +106,9 @@ def fitting_types(owner: Any, block_name: str) -> tuple[str, ...]:
 
 
 def calibratable_blocks() -> tuple[str, ...]:
-    """Actuator blocks with a zero to find: those on a wire first, then radio, simulation and third parties.
+    """Actuator blocks to calibrate: wired ones first, then radio, simulation and third parties.
 
-    What is virtual and not simulated has its zero by definition, and nothing that a hand could move.
+    Devices that are virtual but not simulated have a defined zero and cannot be moved by hand.
     """
     rules = {name: block_rule(message) for name, message in MEMBERS[pb.SingleAction].items()}
     found = [name for name, rule in rules.items() if rule.simulated or not rule.virtual]
@@ -118,9 +118,9 @@ def calibratable_blocks() -> tuple[str, ...]:
 
 
 def messages_of(owner: Any) -> Messages:
-    """Message types that the node of an action, perception or model can publish and listen to.
+    """Message types that the node of an action, perception or model can publish and subscribe to.
 
-    A third party's device decides for itself, so everything is allowed where its block states nothing.
+    Everything is allowed for a third party's device whose block declares nothing.
     """
     if isinstance(owner, pb.SingleModel):
         return _ANY if owner.HasField(PLUGIN_BLOCK) else _MODEL

@@ -1,4 +1,4 @@
-"""The rules that each field carries in the schema: required, range, allowed values, number of entries."""
+"""The rules of each field in the schema: required, range, allowed values, number of entries."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from joshua.textproto.nearest import nearest_first
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Hold every field of every block against the rule beside it."""
+    """Check every field of every block against its rule."""
     for block in context.blocks:
         missing = []
         for facts in block.facts:
@@ -65,7 +65,7 @@ def _missing(context: Context, block: Block, missing: list[FieldFacts]) -> Diagn
 
 
 def _data_types(context: Context, block: Block) -> tuple[str, ...]:
-    """Types that the device behind a publisher or subscription can take; () where that is not known."""
+    """Types that the device behind a publisher or subscription accepts; () if unknown."""
     item = context.graph.by_path.get(block.path)
     if item is None:
         return ()
@@ -74,7 +74,7 @@ def _data_types(context: Context, block: Block) -> tuple[str, ...]:
 
 
 def _sample(context: Context, block: Block, facts: FieldFacts) -> str:
-    """A field with a value that its device can keep."""
+    """A field with a value that its device supports."""
     if facts.is_message and facts.message_type.full_name == "joshua.Comm":
         kind = block_rule(block.message.DESCRIPTOR).link or "serial"
         inner = next(link for link in field_facts(facts.message_type) if link.name == kind)
@@ -85,7 +85,7 @@ def _sample(context: Context, block: Block, facts: FieldFacts) -> str:
     if facts.name == "publish_rate_hz" and item is not None and (fps := frame_rate(item.entry.owner)[1]) > 0:
         return f"publish_rate_hz: {number_text(fps)}"
     text = facts.sample()
-    if facts.name in ("node", "node_id"):  # the example in the schema is one id for all
+    if facts.name in ("node", "node_id"):  # the example in the schema is the same id for all
         path = block.path if facts.name == "node_id" else block.field_path("node")
         text = re.sub(r"(?<=node_id: )\d+", str(free_ids(context).get(path, 1)), text)
     return text
@@ -152,7 +152,7 @@ def _value(context: Context, facts: FieldFacts, path: str, value: Any) -> Iterat
         yield context.error(
             "out-of-range", f"{subject} must be {limits}", path, allowed=(limits,), remedy=remedy
         )
-    elif facts.enum is not None and value == 0 and facts.required:  # loading reports unknown numbers
+    elif facts.enum is not None and value == 0 and facts.required:  # unknown numbers are reported by loading
         unset = facts.enum.values[0].name
         yield context.error(
             "not-chosen",
@@ -179,7 +179,7 @@ def _limits(context: Context, block: Block) -> Iterator[Diagnostic]:
         if upper is None or not context.is_set(block, upper.name) or is_broken(block.field_path(name)):
             continue
         low, high = getattr(block.message, name), getattr(block.message, upper.name)
-        # A value outside its own range is reported for itself; comparing it would only repeat that.
+        # A value outside its own range is reported separately. Comparing it would repeat that.
         if not (lower.contains(low) and upper.contains(high)) or low < high:
             continue
         reason = "the range is empty" if low == high else "the two look swapped"

@@ -1,4 +1,4 @@
-"""Types, settings blocks and links that belong together."""
+"""Checks that types, settings blocks and links match."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from joshua.textproto.field_facts import FieldFacts, field_facts
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Find devices, models, stores and trainers whose type and settings do not fit."""
+    """Find devices, models, stores and trainers whose type and settings do not match."""
     for entry in context.graph.entries:
         if isinstance(entry.owner, pb.SingleModel):
             yield from _model(context, entry)
@@ -168,7 +168,7 @@ def _training(context: Context) -> Iterator[Diagnostic]:
     training, path = context.config.ai.training, "ai.training"
     needed = _METHOD_BLOCKS.get(training.method)
     if needed is None:
-        return  # a missing method is reported by the rules of the fields
+        return  # the rules of the fields report a missing method
     method = pb.TrainingMethod.Name(training.method)
     if not _has(training, needed):
         yield context.error(

@@ -1,4 +1,4 @@
-"""Node ids and names are unique, and nodes that share a process fit into one."""
+"""Checks that node ids and names are unique, and that process groups are possible."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from joshua.plan.graph import NodeEntry
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Find ids and names that two nodes share, and process groups that cannot be one process."""
+    """Find duplicate ids and names, and process groups whose nodes cannot share a process."""
     yield from _ids(context)
     yield from _names(context)
     yield from _arms(context)
@@ -20,12 +20,12 @@ def check(context: Context) -> Iterator[Diagnostic]:
 
 
 def title(entry: NodeEntry) -> str:
-    """What a node is called in a message: its name, else the path of its entry."""
+    """Name of a node in messages: its name, else the path of its entry."""
     return entry.node.node_name or entry.owner_path
 
 
 def free_ids(context: Context) -> dict[str, int]:
-    """Return an unused node_id for each node without an id of its own, by the path of the node."""
+    """Return an unused node_id for each node without a unique one, by the path of the node."""
     owners: dict[int, str] = {}
     for entry in context.graph.entries:
         if context.is_known(f"{entry.path}.node_id", entry.node.node_id):
@@ -78,7 +78,7 @@ def _names(context: Context) -> Iterator[Diagnostic]:
 
 
 def _arms(context: Context) -> Iterator[Diagnostic]:
-    """A calibration knows its actuator by node_name alone: no namespace tells two of one machine apart."""
+    """A calibration identifies its actuator by node_name alone, without the namespace."""
     first: dict[tuple[str, str], NodeEntry] = {}
     for entry in context.graph.entries:
         name = entry.node.node_name
@@ -89,7 +89,7 @@ def _arms(context: Context) -> Iterator[Diagnostic]:
             continue
         other = first.setdefault((name, entry.node.host), entry)
         if other is entry or other.full_name == entry.full_name:
-            continue  # two of one full name are reported for that
+            continue  # equal full names are reported elsewhere
         path = f"{entry.path}.node_name"
         yield context.error(
             "actuator-name-shared",

@@ -1,4 +1,4 @@
-"""Names by the rules of ROS 2: topics, nodes, namespaces, frames; and the forms of UUIDs and ids."""
+"""ROS 2 rules for names of topics, nodes, namespaces and frames, and the forms of UUIDs and ids."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _FAULTS: dict[int, tuple[str, Callable[[str], NameFault | None]]] = {
     rules.KIND_NAMESPACE: ("namespace-invalid", namespace_fault),
     rules.KIND_FRAME: ("frame-invalid", frame_fault),
 }
-# Patterns stay texts: most files need none of them compiled.
+# Patterns are not compiled here, because most files need none of them.
 _HOST = r"[A-Za-z0-9]([A-Za-z0-9_.-]*[A-Za-z0-9])?"
 _FILE_NAME = r"[A-Za-z0-9_][A-Za-z0-9_.-]*"
 _VID_PID = r"[0-9A-Fa-f]{4}:[0-9A-Fa-f]{4}"
@@ -34,7 +34,7 @@ _UUID = r"[0-9A-Fa-f]{8}-([0-9A-Fa-f]{4}-){3}[0-9A-Fa-f]{12}"
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Hold every name against the rules of what it names."""
+    """Check every name against the rules of its kind."""
     for block in context.blocks:
         for facts in block.facts:
             if not facts.is_string:
@@ -93,7 +93,7 @@ def _name(context: Context, facts: FieldFacts, path: str, value: str) -> Iterato
 
 
 def _port(context: Context, path: str, value: str) -> Iterator[Diagnostic]:
-    """A name that is no path: of a Windows port, or of a device without its folder."""
+    """Check for ports that are not paths: a Windows port, or a device without its folder."""
     if not re.fullmatch(r"(?i)COM[0-9]+", value):
         allowed = (f'"/dev/{value}"',)
         message = f"{value} is no path of a serial port: it lacks the folder"
@@ -123,7 +123,7 @@ def _unwise_topic(context: Context, path: str, value: str) -> Iterator[Diagnosti
 
 
 def _robot_id(context: Context) -> Iterator[Diagnostic]:
-    """``general.id`` names a folder and a file, so it may not lead elsewhere."""
+    """``general.id`` names a folder and a file, so it must not point elsewhere."""
     value = context.config.general.id
     if value and (not re.fullmatch(_FILE_NAME, value) or len(value) > 100):
         message = (

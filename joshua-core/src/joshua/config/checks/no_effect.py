@@ -1,4 +1,4 @@
-"""Fields that other settings leave without effect, input devices that move nothing, and safe states.
+"""Fields without effect, input devices that move nothing, and safe states.
 
 Nothing is ignored silently.
 """
@@ -21,7 +21,7 @@ _STORE_MODES = (pb.MODE_UNSPECIFIED, pb.MODE_DATA_STORE, pb.MODE_SIMULATION)
 
 
 class _Unused(NamedTuple):
-    """A field that has no effect when a test of its block, in the mode of the file, is true."""
+    """A field that has no effect if a test of its block and the file's mode is true."""
 
     field: str
     test: Callable[[Any, int], bool]
@@ -103,7 +103,7 @@ _UNUSED: dict[type[Any], tuple[_Unused, ...]] = {
         _Unused(
             "on_stale_after_s",
             lambda block, mode: not _is_not_commanded(block, mode) and block.on_stale not in _RELEASES,
-            "joints that hold go on holding",
+            "holding joints keep their position",
             "Remove it, or set on_stale: RELEASE or on_stale: PARK_THEN_RELEASE",
         ),
         _belongs(
@@ -141,7 +141,7 @@ def _note(context: Context, block: Block, name: str, reason: str, remedy: str) -
 
 
 def _condition(context: Context, block: Block, facts: FieldFacts) -> Iterator[Diagnostic]:
-    """A field that counts with one value of an enum beside it."""
+    """A field that has an effect only with one value of an enum beside it."""
     needed, path = facts.only_with, block.field_path(facts.name)
     assert needed is not None
     enum = block.message.DESCRIPTOR.fields_by_name[needed.field].enum_type
@@ -174,7 +174,7 @@ def _controls(context: Context, block: Block, facts: FieldFacts) -> Iterator[Dia
 
 
 def _safe_state(context: Context, action: pb.SingleAction, path: str) -> Iterator[Diagnostic]:
-    """A leader that would hold, and a park without a pose."""
+    """Find leaders that would hold, and parking without a pose."""
     leads = action.action_type == pb.ACTION_LEADER
     if leads and action.safe_state not in (0, pb.RELEASE):
         verb = "park" if action.safe_state == pb.PARK_THEN_RELEASE else "hold"

@@ -1,4 +1,4 @@
-"""Files that a run reads: whether they are there, and where they were looked for."""
+"""Files that a run reads: whether they exist, and where they were searched."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from joshua.schema import options_pb2 as rules
 from joshua.schema import simulation_pb2, transport_pb2
 from joshua.textproto.field_facts import FieldFacts
 
-# A hub id is «owner/name»; what starts with a dot, a slash or ~ is always a path.
+# A hub id is "owner/name". A text that starts with a dot, a slash or ~ is always a path.
 _HUB_ID = r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*"
 _WEIGHT_SUFFIXES = (".pt", ".pth", ".ckpt", ".zip", ".safetensors", ".onnx", ".npz", ".msgpack")
 _FOLDER_NAMES = ("checkpoints", "models", "outputs", "policies", "runs", "weights")
@@ -31,7 +31,7 @@ _LABELS = {
 
 _PUT_IT_THERE = "Correct the path or put the file there"
 
-# These answer False for a name that the system refuses, as too long.
+# These return False for a name that the system refuses, such as a long one.
 _exists, _is_file, _is_folder = os.path.exists, os.path.isfile, os.path.isdir
 
 
@@ -42,27 +42,27 @@ def check_paths(
     host: str = "",
     is_packaged: Callable[[str], bool | None] = lambda name: None,
 ) -> list[Diagnostic]:
-    """Look for every file that the configuration names as input.
+    """Check that every input file of the configuration exists.
 
     Args:
-        loaded: what ``joshua.config.load`` returned.
-        launch: whether nodes are going to be started: what is missing is an error then, else a note.
-        host: this machine's name in the file; files of other machines' nodes are not looked for.
-        is_packaged: tells whether an installed plugin brings a simulation model of this name; None where
-            none is installed that could, and then a name that is no file stays a note.
+        loaded: the result of ``joshua.config.load``.
+        launch: whether nodes will be started. A missing file is then an error, else a note.
+        host: this machine's name in the file. Files of other machines' nodes are skipped.
+        is_packaged: tells whether an installed plugin provides a simulation model of this name. None if no
+            simulator is installed; an unknown name is then only a note.
     """
     context = Context(loaded, launch=launch)
     owners = {entry.owner_path: entry.node.host for entry in context.graph.entries}
 
     def counts(path: str) -> bool:
-        """Whether this run reads what a block names: the block has an effect, and its node runs here."""
+        """Whether this run reads the files of a block: the block has an effect, and its node runs here."""
         config = context.config
         if path == "transport.tls" and config.transport.kind == transport_pb2.TRANSPORT_DDS:
             return False
         if path.startswith("ai.training") and config.general.mode != pb.MODE_TRAINING:
             return False
         if path == "simulation" and config.general.mode not in (pb.MODE_SIMULATION, pb.MODE_TRAINING):
-            return False  # the simulator's own settings say so, where it runs beside the mode
+            return False  # the simulator's settings report it, if it runs beside the mode
         return not host or owners.get(".".join(path.split(".")[:2]), "") in ("", host)
 
     found: list[Diagnostic] = []
@@ -128,7 +128,7 @@ def _input_file(
 
 
 def _is_hub_id(context: Context, path: str, value: str) -> bool:
-    """Tell ``lerobot/smolvla_base`` from ``checkpoints/policy``, which look alike."""
+    """Distinguish ``lerobot/smolvla_base`` from ``checkpoints/policy``, which look alike."""
     folder = value.partition("/")[0]
     return (
         re.fullmatch(_HUB_ID, value) is not None
@@ -139,7 +139,7 @@ def _is_hub_id(context: Context, path: str, value: str) -> bool:
 
 
 def _data_sets(context: Context) -> Iterator[Diagnostic]:
-    """Look for the data sets that the mode reads, and for one that it would overwrite."""
+    """Check the data sets that the mode reads, and one that it would overwrite."""
     config, mode, simulation = context.config, context.config.general.mode, context.config.simulation
     store, path = config.ai.data_store, "ai.data_store.local_path"
     place = _place(context, path, store.local_path)
@@ -175,7 +175,7 @@ def _data_sets(context: Context) -> Iterator[Diagnostic]:
 
 
 def _place(context: Context, path: str, value: str) -> Path:
-    """Make a path absolute: relative ones start at the file that names them."""
+    """Make a path absolute, relative to the file that contains it."""
     expanded = Path(os.path.expanduser(value))  # noqa: PTH111 - an unknown user stays as written
     if expanded.is_absolute():
         return expanded

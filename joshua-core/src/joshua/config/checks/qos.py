@@ -1,7 +1,7 @@
-"""Quality of service: pairs that ROS 2 connects, and settings that have an effect.
+"""Quality of service: compatible pairs, and settings with an effect.
 
-Rules of the ROS 2 documentation, «Quality of Service settings», section «QoS compatibilities»: what a
-publisher offers must be at least what a subscription requests.
+Rules of the ROS 2 documentation, "Quality of Service settings", section "QoS compatibilities": a publisher
+must offer at least what a subscription requests.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _MOST_PROFILES = 20
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Compare what the publishers of each topic offer with what its subscriptions request."""
+    """Compare the offers of each topic's publishers with the requests of its subscriptions."""
     for group in context.graph.by_topic.values():
         publishers = _different(item for item in group if item.is_publisher)
         for item in group:
@@ -37,7 +37,7 @@ def _remedy(clash: QosClash) -> str:
 
 
 def _different(publishers: Iterable[Endpoint]) -> list[Endpoint]:
-    """One publisher for each profile; so many different ones as the bound has no real topic."""
+    """One publisher per profile, up to a bound that no real topic reaches."""
     found: dict[tuple[object, ...], Endpoint] = {}
     for item in publishers:
         qos = item.qos
@@ -76,15 +76,15 @@ def _offer(context: Context, publisher: Endpoint, field: str) -> tuple[Related, 
 
 
 def _request(context: Context, item: Endpoint) -> tuple[Related, ...]:
-    """The subscription itself, where its node's profile holds for it."""
+    """The subscription itself, if its node's profile applies to it."""
     if item.qos_path.startswith(item.path):
         return ()
-    return context.see(f"{item.path}.topic_name", "subscription that this profile holds for")
+    return context.see(f"{item.path}.topic_name", "subscription with this profile")
 
 
 def _deadline(context: Context) -> Iterator[Diagnostic]:
-    """A deadline shorter than the publisher's own period is missed with every message."""
-    said: set[tuple[str, str]] = set()  # a topic that a node publishes twice, which is an error of its own
+    """Find deadlines shorter than the publisher's period, which every message misses."""
+    said: set[tuple[str, str]] = set()  # a topic that a node publishes twice, which is a separate error
     for item in context.graph.endpoints:
         if not item.is_publisher:
             continue

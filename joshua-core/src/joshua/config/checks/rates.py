@@ -1,8 +1,8 @@
-"""Publish rates that the device behind them can keep: the camera's frames, the bus's bytes.
+"""Publish rates that the device cannot reach: a camera's frame rate, the bytes of a bus.
 
-A cycle of a servo bus is a sync read of the state, one reply from each servo, and a sync write of the goals
-where the arm is commanded. Both requests have an overhead, 1 byte (the id) for each servo, and the data to
-write. A serial line of 8 data bits without parity carries 10 bits for each byte. The schema states the bytes.
+A cycle of a servo bus is a sync read of the state, one reply from each servo and, if the arm is commanded, a
+sync write of the goals. Both requests have an overhead, 1 byte (the id) per servo, and the data to write. A
+serial line with 8 data bits and no parity carries 10 bits per byte. The schema states the bytes.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from joshua.textproto.field_facts import field_facts, number_text
 
 BITS_PER_BYTE = 10
 
-# A USB adapter adds 1 to 2 ms to a cycle in practice; the smaller figure is used.
+# A USB adapter adds 1 to 2 ms to a cycle in practice. This is the lower figure.
 ADAPTER_DELAY_S = 0.001
 
 _PICTURES = (types.IMAGE, types.COMPRESSED_IMAGE)
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Compare each publish rate with what the device behind it can deliver."""
+    """Compare each publish rate with the rate of its device."""
     for entry in context.graph.entries:
         name, block, rule = device_block(entry.owner)
         rates = [
@@ -38,7 +38,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
         ]
         field, fps = frame_rate(entry.owner)
         if rule.HasField("bus") and rates:
-            # One cycle feeds all publishers of the node, so the fastest decides.
+            # One cycle serves all publishers of the node, so the fastest decides.
             rate, path, _ = max(rates, key=lambda item: item[0])
             yield from _bus(context, entry, (name, block, rule.bus), rate, path)
         elif field and int(fps) > 0:
@@ -65,7 +65,7 @@ def _bus(
     baudrate = link.serial.baudrate
     speed = next(item for item in field_facts(link.serial.DESCRIPTOR) if item.name == "baudrate")
     if not speed.contains(baudrate):
-        return  # reported for itself
+        return  # reported separately
     cycle = bus_cycle(protocol, servos, baudrate, commanded=bool(entry.node.subscriptions))
     related = context.see(f"{entry.owner_path}.{name}.comm.serial.baudrate", "line speed")
     practical = rate_text(cycle.practical_rate_hz)
@@ -112,21 +112,21 @@ class BusCycle(NamedTuple):
 
     @property
     def duration_s(self) -> float:
-        """Time that the bytes take on the line; turn-around and adapter come on top."""
+        """Time of the bytes on the line, without turn-around and adapter delays."""
         return self.total_bytes * BITS_PER_BYTE / self.baudrate
 
     @property
     def max_rate_hz(self) -> float:
-        """Cycles per second that the line can carry at most."""
+        """Highest number of cycles per second on the line."""
         return 1.0 / self.duration_s
 
     @property
     def practical_rate_hz(self) -> float:
-        """Cycles per second that remain with the delay of a USB adapter."""
+        """Highest number of cycles per second with the delay of a USB adapter."""
         return 1.0 / (self.duration_s + ADAPTER_DELAY_S)
 
     def calculation(self) -> str:
-        """The sum in words."""
+        """The calculation in words."""
         command = f" + sync write {self.command}" if self.command else ""
         servos = f"{self.servos} servo{'' if self.servos == 1 else 's'}"
         return (
@@ -154,7 +154,7 @@ def bus_cycle(protocol: BusRule, servos: int, baudrate: int, *, commanded: bool)
 
 
 def rate_text(rate_hz: float) -> str:
-    """A rate rounded down to three digits, so that the figure shown is allowed."""
+    """A rate rounded down to three digits, which keeps the shown figure allowed."""
     step = 10 ** max(len(str(int(rate_hz))) - 3, 0) if rate_hz >= 100 else 0.1
     return f"{int(rate_hz / step) * step:.4g}"
 

@@ -1,4 +1,4 @@
-"""Serial ports, Bluetooth devices, cameras and motor ids are used once."""
+"""Checks that serial ports, Bluetooth devices, cameras and motor ids are used once."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _devices(context: Context) -> Iterator[Diagnostic]:
 
 
 def _identity(context: Context, block: Block, facts: FieldFacts) -> tuple[str, str]:
-    """What a device is told apart by, and the path of the field that says so; "" where nothing does."""
+    """The identity of a device and the path of its field; "" if it has none."""
     path = block.field_path(facts.name)
     value = getattr(block.message, facts.name)
     if facts.overridden_by and (other := getattr(block.message, facts.overridden_by)):
@@ -93,7 +93,7 @@ def _identity(context: Context, block: Block, facts: FieldFacts) -> tuple[str, s
     if facts.kind == rules.KIND_CAMERA_INDEX:
         return (str(value) if value >= 0 else ""), path
     if facts.kind == rules.KIND_SERIAL_PORT:
-        for name in ("serial_number", "vid_pid"):  # where given, the identity of the adapter decides
+        for name in ("serial_number", "vid_pid"):  # if given, the identity of the adapter decides
             identity = getattr(block.message, name, "")
             if identity:
                 return f"{name} {identity.lower()}", block.field_path(name)
@@ -104,7 +104,7 @@ def _identity(context: Context, block: Block, facts: FieldFacts) -> tuple[str, s
 def _clash(uses: dict[str, _Use], host: str) -> _Use | None:
     """The first use of a device on the same machine.
 
-    The same name on another machine is another device; a node without a host runs on each of them.
+    The same name on another machine is another device. A node without a host runs on every machine.
     """
     if not host:
         return next(iter(uses.values()), None)

@@ -1,9 +1,9 @@
-"""What could not be read taints what is said about it: a rule whose inputs are tainted is silent.
+"""Suppresses findings of rules whose inputs could not be read ("tainted").
 
-A block that could not be read is not «missing», a topic is not «unpublished» when the publisher beside it was
-lost to a syntax error, and a plugin's settings model need not repeat what a check has said. The table of
-codes says what each rule reads besides the field that it is about: the ``structure`` of nodes and topics, the
-``topics`` of every publisher, the fields ``beside`` it in the same block, or the ``qos`` of others.
+A block that could not be read is not "missing", a topic is not "unpublished" if a syntax error hides its
+publisher, and a plugin's settings model need not repeat the finding of a check. The table of codes lists what
+each rule reads besides its own field: the ``structure`` of nodes and topics, the ``topics`` of every
+publisher, the fields ``beside`` it in the same block, or the ``qos`` of others.
 """
 
 from __future__ import annotations
@@ -19,33 +19,33 @@ from joshua.plan import Diagnostic, Position, Severity
 from joshua.schema import config_pb2 as pb
 from joshua.textproto.positions import Positions, parent
 
-# Fields that say which nodes, topics and blocks there are, and fields that decide which endpoints connect.
+# Fields that define nodes, topics and blocks, and fields that decide which endpoints connect.
 _FIELDS = {
     "structure": "action_type actions ai calibration data_type include model_type models motor_ids node "
     "node_name perception_type perceptions publishers robot ros_namespace subscriptions topic_name transport",
     "qos": "qos reliability durability liveliness deadline_s lease_duration_s topic_name",
 }
 
-# Errors of loading that cost the value of one field and nothing around it.
+# Errors of loading that lose the value of one field and nothing around it.
 _LOCAL = (
     "bad-escape duplicate-field extension-field extra-comma missing-brace missing-colon missing-comma "
     "missing-value number-out-of-range not-utf8-string oneof-conflict set-in-two-files unclosed-string "
     "unexpected-text unknown-enum-number unknown-enum-value unknown-field unquoted-string wrong-type"
 )
-# Errors whose path is that of a block which was read all the same.
+# Errors with the path of a block that was read nevertheless.
 _IN_BLOCK = frozenset(("extension-field", "missing-brace", "unexpected-text"))
 _OWNERS = {"robot.actions": pb.SingleAction, "robot.perceptions": pb.SinglePerception}
 _CHOICES = (*(name for blocks in MEMBERS.values() for name in blocks), "serial", "ble")
 
 
 class Taint(NamedTuple):
-    """What of a configuration is not known.
+    """The unknown parts of a configuration.
 
     Attributes:
-        paths: fields that were reported; everything at or below them is settled.
-        blocks: blocks of which some field may be lost; everything: whether any block may be damaged.
-        names: of the fields that are lost, and of those that were probably meant.
-        topics: the topic of some publisher is not known.
+        paths: reported fields. Everything at or below them counts as reported.
+        blocks: blocks that may have lost a field; everything: whether any block may be damaged.
+        names: of the lost fields, and of those probably meant.
+        topics: the topic of some publisher is unknown.
     """
 
     paths: frozenset[str] = frozenset()
@@ -55,10 +55,12 @@ class Taint(NamedTuple):
     topics: bool = False
 
     def silences(self, item: Diagnostic) -> bool:
-        """Whether a finding reads something that is tainted."""
+        """Whether a finding depends on something tainted."""
         if any(part in self.paths for part in _enclosing(item.field_path)):
             return True
-        from joshua.config.codes import CODES  # here because a file without problems need not read the table
+        from joshua.config.codes import (
+            CODES,
+        )  # a file without problems does not need the table
 
         row = CODES.get(item.code)
         if row is None or not row.reads:
@@ -68,15 +70,15 @@ class Taint(NamedTuple):
             return True
         if any(self.names.intersection(_FIELDS.get(read, "").split()) for read in reads):
             return True
-        # A finding about one absent field has its path, one about several that of their block.
+        # A finding about one missing field has its path, one about several has that of their block.
         own = {item.field_path, item.field_path.rpartition(".")[0]}
         return "beside" in reads and bool(own & self.blocks)
 
     def repeats(self, item: Diagnostic, positions: Positions) -> bool:
-        """Whether a broken rule of a settings model says in other words what an error of the check has said.
+        """Whether a broken rule of a settings model repeats an error of a check.
 
-        That is an error at its field or inside it. Where its field is not written at all, it is one about the
-        block around it or about a field beside it, such as a misspelt name.
+        That is an error at its field or inside it. If the field is not set, it is an error about the
+        enclosing block or a field beside it, such as a misspelt name.
         """
         path = item.field_path
         if path in self.paths or path in self.blocks:
@@ -87,10 +89,10 @@ class Taint(NamedTuple):
         return block != path and (block in self.paths or block in {parent(known) for known in self.paths})
 
 
-#: A range of the schema may be wider than what the plugin knows of its device: both are worth reading.
+#: A range in the schema may be wider than the plugin's, so both are shown.
 _TOLD_APART = "out-of-range"
 
-#: Files that are not there, and the field whose files come with plugins too, which know the nearest of them.
+#: Missing files, and the field whose files plugins also provide, with the nearest names.
 _FILES = frozenset(("input-file-missing", "input-file-is-folder"))
 _PACKAGED = "model_path"
 
@@ -98,13 +100,13 @@ _PACKAGED = "model_path"
 def one_of_each(
     known: Sequence[Diagnostic], findings: Sequence[Diagnostic], positions: Positions
 ) -> list[Diagnostic]:
-    """Put the findings of checking and of planning together, without those that say the same.
+    """Merge the findings of checking and planning without repetitions.
 
-    A settings block of the wrong device gives one error. Where a model file is missing, the plugin's words
-    stand, with the severity of the check.
+    A settings block of the wrong device gives one error. For a missing model file, the plugin's message is
+    shown with the severity of the check.
 
     Args:
-        known: findings of reading and checking; findings: of planning; positions: what is written.
+        known: findings of reading and checking; findings: of planning; positions: of the fields.
     """
     known = _one_for_a_wrong_block(known, positions)
     errors = [item for item in known if item.severity is Severity.ERROR and item.field_path]
@@ -128,7 +130,7 @@ def one_of_each(
 
 
 def _one_for_a_wrong_block(known: Sequence[Diagnostic], positions: Positions) -> Sequence[Diagnostic]:
-    """Replace what is wrong inside a settings block of another device by one error about the block."""
+    """Replace the findings inside a settings block of another device by one error about the block."""
     wrong = {item.field_path: item for item in known if item.code == "block-unfit"}
     unknown: dict[str, list[Diagnostic]] = {}
     for item in known:
@@ -160,7 +162,7 @@ def _one_for_a_wrong_block(known: Sequence[Diagnostic], positions: Positions) ->
 
 
 def untainted(findings: Iterable[Diagnostic], loaded: LoadedConfig) -> list[Diagnostic]:
-    """Drop the findings of checks that read what is not known."""
+    """Drop the findings of checks that depend on unknown values."""
     errors = [item for item in loaded.diagnostics if item.severity is Severity.ERROR]
     topics = not loaded.graph.all_published
     if not errors and not topics:
@@ -177,7 +179,7 @@ def _assess(errors: Sequence[Diagnostic], loaded: LoadedConfig, topics: bool) ->
     places = [] if everything else _places(loaded)
     for item in errors:
         if item.code == "oneof-conflict":
-            # Which of the two is meant is open, so neither is held against the type beside it.
+            # It is unclear which of the two is meant, so neither is compared with the type beside it.
             owner = item.field_path.rpartition(".")[0]
             paths.update(f"{owner}.{name}" for name in _CHOICES)
         if item.code in _IN_BLOCK:
@@ -195,7 +197,7 @@ def _assess(errors: Sequence[Diagnostic], loaded: LoadedConfig, topics: bool) ->
 
 
 def _places(loaded: LoadedConfig) -> list[tuple[str, int, int, str]]:
-    """File, line, column and path of every field that is written, in the order of the files."""
+    """File, line, column and path of every field that is set, in the order of the files."""
     found = []
     for path in loaded.positions.paths():
         name = loaded.positions.name(path)
@@ -205,7 +207,7 @@ def _places(loaded: LoadedConfig) -> list[tuple[str, int, int, str]]:
 
 
 def _blocks_near(place: Position, places: list[tuple[str, int, int, str]]) -> list[str]:
-    """The blocks around the field that stands last before a place: one of them holds the place."""
+    """The blocks around the last field before a position, one of which contains it."""
     index = bisect_right(places, (place.file, place.line, place.column, "\uffff")) - 1
     if index < 0 or places[index][0] != place.file:
         return []
@@ -213,7 +215,7 @@ def _blocks_near(place: Position, places: list[tuple[str, int, int, str]]) -> li
 
 
 def _enclosing(path: str) -> list[str]:
-    """A path and those around it: ``a.b[1].c`` to ``a.b[1].c``, ``a.b[1]``, ``a.b``, ``a``."""
+    """A path and its enclosing paths: ``a.b[1].c`` to ``a.b[1].c``, ``a.b[1]``, ``a.b``, ``a``."""
     found = []
     while path:
         found.append(path)

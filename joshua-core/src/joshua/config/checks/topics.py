@@ -1,4 +1,4 @@
-"""Topics: one type each that the devices take, a publisher, and one commander for each actuator."""
+"""Topics: one type that the devices support, a publisher, and one commander per actuator."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from joshua.schema import data_type_pb2 as types
 from joshua.textproto.field_facts import number_text
 from joshua.textproto.nearest import nearest
 
-# Every ROS 2 node has these without a publisher in any file.
+# Every ROS 2 node publishes these without an entry in a file.
 _SYSTEM_TOPICS = ("/rosout", "/parameter_events", "/clock", "/tf", "/tf_static", "/joint_states")
 
 _MOST_NAMES = 200
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Hold the endpoints of each topic against each other and against their devices."""
+    """Compare the endpoints of each topic with each other and with their devices."""
     for group in context.graph.by_topic.values():
         publishers = [item for item in group if item.is_publisher]
         yield from _types(context, group)
@@ -36,9 +36,9 @@ def check(context: Context) -> Iterator[Diagnostic]:
 
 
 def _types(context: Context, group: list[Endpoint]) -> Iterator[Diagnostic]:
-    """The first publisher's type counts; without a publisher the first subscription's.
+    """The first publisher's type counts, or without a publisher the first subscription's.
 
-    An endpoint whose device cannot take its type is reported for that alone.
+    An endpoint whose device does not support its type is reported only for that.
     """
     typed = [item for item in group if item.block.data_type and unfit_for(item) is None]
     typed.sort(key=lambda item: not item.is_publisher)
@@ -81,7 +81,7 @@ def _publishers(context: Context, publishers: list[Endpoint], group: list[Endpoi
 
 
 def _external(context: Context, publishers: list[Endpoint], group: list[Endpoint]) -> Iterator[Diagnostic]:
-    """Nodes outside the file that would command an actuator beside one of the file."""
+    """Find actuators commanded by a node of the file and by nodes outside it."""
     first = next((item for item in publishers if not item.block.override), None)
     for item in group:
         if first is None or item.is_publisher or not item.block.external:
@@ -134,7 +134,7 @@ def _two_publishers(
 
 
 def _unpublished(context: Context) -> Iterator[Diagnostic]:
-    # In these modes an actuator without a commander breaks the mode, whose own checks say so.
+    # In these modes, the mode's checks report an actuator without a commander.
     by_mode = context.config.general.mode in (pb.MODE_TELEOPERATE, pb.MODE_INFERENCE)
     for item in context.graph.usable:
         if item.is_publisher or item.topic in context.graph.published or item.topic in _SYSTEM_TOPICS:
@@ -144,7 +144,7 @@ def _unpublished(context: Context) -> Iterator[Diagnostic]:
 
 
 def unpublished(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
-    """Warn of a subscription to a topic that no node publishes, unless the file says that others do."""
+    """Warn of a subscription to a topic without a publisher, unless the file declares an external one."""
     if item.block.external:
         return
     path = f"{item.path}.topic_name"
@@ -153,7 +153,7 @@ def unpublished(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
     if written != item.topic:
         found += f", which is {item.topic} in full"
     number = item.block.data_type
-    # A node's own topics are no help; more names than these are not read.
+    # The node's own topics do not help. The number of suggestions is limited.
     own = {endpoint.topic for endpoint in context.graph.of_entry(item.entry)}
     others = [name for name in islice(context.graph.published_by_nodes, _MOST_NAMES) if name not in own]
     similar = nearest(item.topic, others)
@@ -175,7 +175,7 @@ def unpublished(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
 
 
 def _feedback(context: Context) -> Iterator[Diagnostic]:
-    """A node that subscribes to its own topic: for an actuator a command loop."""
+    """Find nodes that subscribe to their own topic, which for an actuator is a command loop."""
     own = {(item.entry.path, item.topic): item for item in context.graph.usable if item.is_publisher}
     for item in context.graph.usable:
         publisher = own.get((item.entry.path, item.topic))
@@ -196,7 +196,7 @@ def _feedback(context: Context) -> Iterator[Diagnostic]:
 
 
 def unfit_for(item: Endpoint) -> tuple[int, ...] | None:
-    """The types that the device of an endpoint takes, where its own is not among them; None where it fits."""
+    """The types that the device of an endpoint supports; None if the endpoint's type is one of them."""
     messages = messages_of(item.entry.owner)
     allowed = messages.publishes if item.is_publisher else messages.takes
     fits = not item.block.data_type or allowed is None or item.block.data_type in allowed
@@ -209,7 +209,7 @@ def _device_types(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
     allowed = unfit_for(item)
     what, _ = block_of(owner)
     if allowed is None or (what and what not in fitting_blocks(owner)):
-        return  # where type and block do not fit, it is not known which of the two is meant
+        return  # if type and block do not match, it is unclear which of the two is meant
     device = title(item.entry) + (f" ({what})" if what else "")
     path = f"{item.path}.data_type"
     if not allowed:

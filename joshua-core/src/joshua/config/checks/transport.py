@@ -1,4 +1,4 @@
-"""The transport block: endpoints, encryption, and fields that the chosen middleware does not use."""
+"""The transport block: endpoints, encryption, and fields unused by the selected middleware."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _DDS_FIELDS = ("network_interface", "peers")
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Check the transport block, and that nodes on several machines reach each other."""
+    """Check the transport block, and whether nodes on several machines reach each other."""
     transport = context.config.transport
     endpoints = [
         (f"transport.{field}[{index}]", parse_endpoint(text))
@@ -39,7 +39,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
             if endpoint.protocol and endpoint.protocol not in PROTOCOLS:
                 allowed = tuple(dict.fromkeys([*nearest(endpoint.protocol, PROTOCOLS), *PROTOCOLS]))
             yield context.error("endpoint-invalid", endpoint.fault, path, allowed=allowed)
-    if transport.kind != pb.TRANSPORT_DDS:  # else they are reported as unused
+    if transport.kind != pb.TRANSPORT_DDS:  # otherwise they are reported as unused
         yield from _tls(context, transport, endpoints)
         for path, endpoint in endpoints[: len(transport.listen_endpoints)]:
             is_open = not (endpoint.fault or endpoint.is_loopback or endpoint.protocol in SECURE_PROTOCOLS)
@@ -151,7 +151,7 @@ def _machines(context: Context, endpoints: list[tuple[str, EndpointText]]) -> It
 
 
 class EndpointText(NamedTuple):
-    """A Zenoh endpoint in its parts; ``fault`` says which rule the text breaks, "" for none."""
+    """The parts of a Zenoh endpoint. ``fault``: the rule that the text breaks, "" for none."""
 
     protocol: str
     host: str
@@ -165,7 +165,7 @@ class EndpointText(NamedTuple):
 
 
 def parse_endpoint(text: str) -> EndpointText:
-    """Take a Zenoh endpoint such as ``tls/0.0.0.0:7447`` or ``tcp/[::1]:7447`` apart."""
+    """Parse a Zenoh endpoint such as ``tls/0.0.0.0:7447`` or ``tcp/[::1]:7447``."""
     protocol, slash, rest = text.partition("/")
     rest = rest.partition("?")[0].partition("#")[0]
     if not slash:
@@ -185,12 +185,12 @@ def parse_endpoint(text: str) -> EndpointText:
 
 
 def is_address(host: str) -> bool:
-    """Whether a text is an IP address or can be a host name."""
+    """Whether a text is an IP address or a possible host name."""
     return _ip(host) is not None or re.fullmatch(_HOST, host) is not None
 
 
 def is_loopback(host: str) -> bool:
-    """Whether an address or name stands for this machine alone."""
+    """Whether an address or name means this machine only."""
     address = _ip(host.removeprefix("[").removesuffix("]"))
     return address.is_loopback if address is not None else host.lower() in _LOOPBACK_NAMES
 

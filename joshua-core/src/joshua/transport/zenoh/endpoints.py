@@ -17,7 +17,7 @@ _PROTOCOLS = ("tcp", *_ENCRYPTED, "udp", "ws")
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A place where a Zenoh router listens.
+    """An address on which a Zenoh router listens.
 
     Attributes:
         protocol: such as ``tcp`` or ``tls``; host: name or address, without brackets.
@@ -35,7 +35,7 @@ class Endpoint:
 
     @property
     def encrypted(self) -> bool:
-        """Whether certificates guard it."""
+        """Whether it requires certificates."""
         return self.protocol in _ENCRYPTED
 
     @property
@@ -50,7 +50,7 @@ class Endpoint:
 
     @property
     def local(self) -> Endpoint:
-        """How a process on this machine reaches it: ``0.0.0.0`` and ``::`` become ``localhost``."""
+        """The address for processes on this machine: ``0.0.0.0`` and ``::`` become ``localhost``."""
         try:
             anywhere = ipaddress.ip_address(self.host).is_unspecified
         except ValueError:

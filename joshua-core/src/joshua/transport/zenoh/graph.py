@@ -1,10 +1,9 @@
-"""The ROS 2 graph from the liveliness tokens of a domain, and what only JOSHUA's own nodes agree on.
+"""The ROS 2 graph from the liveliness tokens of a domain, and conventions between JOSHUA's nodes.
 
 rmw_zenoh has no manual liveliness, and it connects every publisher with every subscription whatever their
-QoS. JOSHUA's nodes add two conventions between themselves. The token ``@joshua_node/<domain>/<session>``
-marks a session of JOSHUA: QoS separates its endpoints as DDS would. A publisher with MANUAL_BY_TOPIC marks
-itself with the token ``@joshua_alive/<domain>/<gid>`` and puts an empty message on that key to assert that
-it is alive.
+QoS. JOSHUA's nodes add two conventions. The token ``@joshua_node/<domain>/<session>`` marks a session of
+JOSHUA: QoS separates its endpoints as in DDS. A publisher with MANUAL_BY_TOPIC marks itself with the token
+``@joshua_alive/<domain>/<gid>`` and puts an empty message on that key to assert that it is alive.
 """
 
 from __future__ import annotations
@@ -28,17 +27,17 @@ Listener = Callable[[Entity, bool], None]
 
 
 class Graph:
-    """Every entity of a domain; tells the listeners of a topic which endpoints appear and disappear.
+    """All entities of a domain. Notifies listeners of a topic when endpoints appear and disappear.
 
     Args:
         session: Zenoh session; domain_id: ROS 2 domain.
-        keep: kept as long as the session is open, because a fork that drops objects of Zenoh hangs.
+        keep: referenced while the session is open, because a fork that drops objects of Zenoh hangs.
     """
 
     def __init__(self, session: zenoh.Session, domain_id: int, keep: object = None) -> None:
         self._keep = keep
         self._lock = threading.Lock()
-        # held while listeners run, so that each receives the changes of an entity in order
+        # held while listeners run, which keeps the changes of an entity in order
         self._telling = threading.RLock()
         self._entities: dict[str, Entity] = {}
         self._listeners: dict[str, list[Listener]] = {}
@@ -64,13 +63,13 @@ class Graph:
             token.undeclare()
 
     def mark_session(self) -> None:
-        """Declare that the endpoints of this session belong to JOSHUA; idempotent."""
+        """Declare that the endpoints of this session belong to JOSHUA. Idempotent."""
         if not self._marked:
             self._marked = True
             self._tokens.append(self._liveliness.declare_token(self._mark))
 
     def apply(self, token: str, present: bool) -> None:
-        """Take in that a liveliness token appeared or disappeared; repeated news has no effect."""
+        """Apply the appearance or disappearance of a liveliness token. Idempotent."""
         try:
             entity = read_token(token)
         except ValueError as error:
@@ -107,7 +106,7 @@ class Graph:
         return entity.zid in self._ours
 
     def owner(self, publisher_gid: bytes) -> str:
-        """Full name of the node that owns a publisher; "" where no token names it."""
+        """Full name of the node of a publisher; "" if no token names it."""
         with self._lock:
             publishers = [entity for entity in self._entities.values() if entity.kind == PUBLISHER]
         return next((entity.full_name for entity in publishers if entity.gid == publisher_gid), "")
@@ -151,7 +150,7 @@ class Graph:
             listener(entity, present)
 
     def _session_changed(self, key: str, present: bool) -> None:
-        """Let listeners judge the endpoints of a session again: their tokens may precede the session's."""
+        """Notify listeners of a session's endpoints again, because their tokens may precede the session's."""
         zid = key.rsplit("/", 1)[1]
         with self._telling:
             with self._lock:
@@ -167,12 +166,12 @@ class Graph:
 
 
 class Matching:
-    """Sorts the counterparts of one endpoint: which ones connect, and which ones QoS separates.
+    """Separates the compatible counterparts of an endpoint from those with incompatible QoS.
 
-    The middleware itself connects every pair; this is where both sides learn of a pair that must not connect.
+    The middleware connects every pair. Here, both sides detect a pair that must not connect.
 
     Args:
-        graph: where the counterparts come from; own: the endpoint whose counterparts are sorted.
+        graph: source of the counterparts; own: the endpoint.
         on_incompatible: called with a text for each pair that does not connect.
         on_lost: called when a connected counterpart leaves.
     """
@@ -193,7 +192,7 @@ class Matching:
         self.lifespans_ns: dict[bytes, float] = {}
 
     def graph_changed(self, entity: Entity, present: bool) -> None:
-        """Take in an endpoint of the topic."""
+        """Apply a change of an endpoint of the topic."""
         own = self._own
         same_type = (entity.type_name, entity.type_hash) == (own.type_name, own.type_hash)
         if entity.kind != self._kind or not same_type or entity.qos is None or own.qos is None:
@@ -247,7 +246,7 @@ class AssertionListener:
     """Manual liveliness, the subscription's side.
 
     Args:
-        marked: called with a gid whose publisher asserts by hand.
+        marked: called with the gid of a publisher with manual assertion.
         asserted: called with the gid of each assertion.
     """
 

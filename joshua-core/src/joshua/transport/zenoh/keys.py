@@ -41,7 +41,7 @@ def write_qos(qos: QosProfile) -> str:
 
 
 def read_qos(text: str) -> QosProfile:
-    """The profile of a text; what our profiles cannot say takes the nearest meaning.
+    """Parse a profile. Values without an equivalent here get the nearest one.
 
     Raises:
         ValueError: the text does not have the format.
@@ -92,7 +92,7 @@ class Entity:
     """A node or one of its endpoints, as a liveliness token describes it.
 
     Attributes:
-        zid: Zenoh session; node_id, entity_id: running numbers in it.
+        zid: Zenoh session; node_id, entity_id: numbers within it.
         kind: ``NN`` node, ``MP`` publisher, ``MS`` subscription, ``SS`` service, ``SC`` client.
         namespace: with leading slash.
         topic: fully qualified; "" for a node. type_name: DDS form. qos: None for a node.
@@ -165,8 +165,8 @@ def read_token(token: str) -> Entity:
     parts = token.split("/")
     if len(parts) < _NODE_PARTS or parts[0] != ADMIN_SPACE or parts[5] not in _KINDS:
         raise ValueError(f"not a liveliness token of a ROS 2 entity: {token!r}")
-    if not token.isprintable():  # names end up on terminals, and come from whoever reaches the router
-        raise ValueError(f"a name holds characters that no name of ROS 2 has: {token!r}")
+    if not token.isprintable():  # names are printed, and may come from anyone who reaches the router
+        raise ValueError(f"a name contains characters that ROS 2 does not allow: {token!r}")
     enclave, namespace, name = (_demangle(part) for part in parts[6:9])
     node = Entity(int(parts[1]), parts[2], parts[3], parts[4], parts[5], enclave, namespace, name)
     if node.kind == NODE:
@@ -178,7 +178,7 @@ def read_token(token: str) -> Entity:
 
 
 def data_key(domain_id: int, topic: str, type_name: str) -> str:
-    """Key on which a topic's messages travel.
+    """Key of a topic's messages.
 
     Args:
         domain_id: ROS 2 domain.

@@ -80,7 +80,7 @@ class ZenohPublisher(Publisher):
 
 
 def declare_publisher(session: zenoh.Session, key: str, qos: QosProfile) -> Any:
-    """Declare what carries the messages, with the settings that rmw_zenoh takes for a profile."""
+    """Declare the Zenoh publisher, with rmw_zenoh's settings for a profile."""
     reliable = qos.reliability == "RELIABLE"
     blocks = reliable and qos.history == "KEEP_ALL"
     settings: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""The Zenoh router of this machine: hosted here unless one runs already, and replaced when it dies."""
+"""The Zenoh router of this machine: hosted here unless one runs already, and replaced if it dies."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from joshua.transport.zenoh.settings import (
 _log = logging.getLogger("joshua.transport")
 _LINK_LOOK_S = 0.5
 _NAMES_HOLD_S = 10.0
-#: A router answers within milliseconds; a network may need a moment.
+#: A router responds within milliseconds, over a network somewhat later.
 _PATIENCE_S = 3.0
-#: How long a router on the port may take to answer; its process may be stalled.
+#: Time limit for a response of the router on the port, whose process may be stalled.
 _ANSWER_S = 5.0
 _LOOK_S = 0.2
 _POLL_S = 0.02
@@ -80,7 +80,7 @@ class FarRouters:
                     _say(endpoint, linked, before, reason)
 
     def _addresses(self, endpoint: str) -> tuple[set[str], str]:
-        """The addresses of an endpoint, cached because the name service may be on a network."""
+        """The addresses of an endpoint, cached because name resolution may use a network."""
         now_s = time.monotonic()
         until_s, addresses, reason = self._found.get(endpoint, (now_s, set(), ""))
         if now_s >= until_s:
@@ -104,7 +104,7 @@ def _say(endpoint: str, linked: bool, before: bool | None, reason: str) -> None:
 
 
 def _look_up(endpoint: str) -> tuple[set[str], str]:
-    """Names of the links to an endpoint, and why its host has no address."""
+    """Names of the links to an endpoint, or why its host has no address."""
     parsed = read_endpoint(endpoint)
     try:
         found = socket.getaddrinfo(parsed.host, parsed.port, type=socket.SOCK_STREAM)
@@ -115,13 +115,13 @@ def _look_up(endpoint: str) -> tuple[set[str], str]:
 
 
 class RouterHandle:
-    """Hosts the router of the machine, or watches the process that does.
+    """Hosts the router of the machine, or watches the process that hosts it.
 
-    When a watched router dies, a thread hosts a new one on the same endpoints. Several processes may watch:
-    the port decides which one succeeds. Never make one before a fork.
+    If a watched router dies, a thread hosts a new one on the same endpoints. Several processes may watch; the
+    port decides which one succeeds. Never create one before a fork.
 
     Attributes:
-        endpoints: where the router listens.
+        endpoints: of the router.
     """
 
     def __init__(self, settings: TransportSettings) -> None:
@@ -142,7 +142,7 @@ class RouterHandle:
 
     @property
     def description(self) -> str:
-        """What was done, for the start-up table."""
+        """Description for the start-up table."""
         where = ", ".join(self.endpoints)
         if self.hosting:
             return f"hosts the Zenoh router on {where}"
@@ -154,7 +154,7 @@ class RouterHandle:
         return joined
 
     def start(self) -> None:
-        """Host the router, or join the one that listens already.
+        """Host the router, or join a running one.
 
         Raises:
             TransportError: the endpoints cannot be used, or a program that is no router uses them.
@@ -178,7 +178,7 @@ class RouterHandle:
             self._keeper.start()
 
     def close(self) -> None:
-        """Stop hosting or watching; idempotent."""
+        """Stop hosting or watching. Idempotent."""
         self._stop.set()
         if self._keeper is not None and threading.current_thread() is not self._keeper:
             self._keeper.join()
@@ -192,7 +192,7 @@ class RouterHandle:
             self._guest = self._router = None
 
     def _host(self) -> str:
-        """Try to host; return why it failed."""
+        """Try to host. Return why it failed."""
         try:
             router = open_session(router_config(self._settings))
         except TransportError as error:
@@ -215,7 +215,7 @@ class RouterHandle:
         self._guest = open_session(guest_config(self._settings))
 
     def _router_answers(self) -> bool:
-        """Wait for the router that has the port; host one if that one ends meanwhile."""
+        """Wait for the router that uses the port. Host one if it ends meanwhile."""
         tries = round(_LOOK_S / _POLL_S)
         for look in range(1, round(_ANSWER_S / _POLL_S)):
             if self._guest.info.routers_zid():
@@ -238,7 +238,7 @@ class RouterHandle:
                 return
 
     def _leave_guest(self) -> None:
-        """End the session that watched another process's router."""
+        """End the session that watches another process's router."""
         with self._lock:
             guest, self._guest = self._guest, None
         if guest is not None:
@@ -246,7 +246,7 @@ class RouterHandle:
 
 
 def prepare(settings: TransportSettings) -> RouterHandle | None:
-    """Make sure that this machine has a router; None where discovery is off.
+    """Ensure that this machine has a router; None if discovery is off.
 
     Raises:
         TransportError: the endpoints or certificates cannot be used.

@@ -1,6 +1,6 @@
 """Services over Zenoh by the conventions of rmw_zenoh: a server is a queryable, a call a query.
 
-Source: ros2/rmw_zenoh, docs/design.md, «Service Servers» and «Service Clients».
+Source: ros2/rmw_zenoh, docs/design.md, "Service Servers" and "Service Clients".
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _log = logging.getLogger("joshua.transport")
 
 
 class ZenohService(Endpoint):
-    """Answers the queries of one service on the thread that its node has for services."""
+    """Answers the queries of one service on its node's service thread."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class ZenohService(Endpoint):
     def _answer(self, query: Any) -> None:
         attachment = query.attachment.to_bytes() if query.attachment is not None else b""
         if self._closed or query.payload is None or len(attachment) != ATTACHMENT.size:
-            query.drop()  # not from a client of ROS 2
+            query.drop()  # not from a ROS 2 client
             return
         sequence, _, length, gid = ATTACHMENT.unpack(attachment)
 
@@ -76,7 +76,7 @@ def call(session: zenoh.Session, client: Entity, key: str, request: bytes, timeo
     """Call a service once.
 
     Raises:
-        TransportError: nobody answers in time, or the server refuses.
+        TransportError: no response in time, or the server refuses.
     """
     replies: Any = session.get(
         key,

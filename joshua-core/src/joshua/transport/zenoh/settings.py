@@ -18,10 +18,10 @@ from joshua.transport.zenoh.endpoints import Endpoint, read_endpoint
 
 _log = logging.getLogger("joshua.transport")
 
-# The router answers within milliseconds; this only bounds the wait where none runs.
+# The router responds within milliseconds. This only bounds the wait if none runs.
 _OPEN_WAIT_MS = 200
 _ANSWER_MS = 1000
-# A router that was replaced is found again well within a second.
+# A replaced router is found again well within a second.
 _RETRY = {"period_init_ms": 50, "period_max_ms": 400, "period_increase_factor": 2}
 
 _ALONE: dict[str, Any] = {
@@ -53,7 +53,7 @@ def _count_session(change: int) -> None:
 
 
 def router_endpoints(settings: TransportSettings) -> list[Endpoint]:
-    """Where the router of this machine listens.
+    """Endpoints of this machine's router.
 
     Raises:
         TransportError: an endpoint is malformed, or encrypted without certificates, or open to the
@@ -77,7 +77,7 @@ def router_endpoints(settings: TransportSettings) -> list[Endpoint]:
 
 
 def own_router(settings: TransportSettings) -> Endpoint:
-    """How the nodes of this machine reach their router: by loopback where it listens there.
+    """Endpoint of the router for this machine's nodes: loopback if it listens there.
 
     Raises:
         TransportError: as ``router_endpoints``.
@@ -87,7 +87,7 @@ def own_router(settings: TransportSettings) -> Endpoint:
 
 
 def session_config(settings: TransportSettings) -> zenoh.Config:
-    """Configuration of a node's session: a peer that finds the others through the router.
+    """Configuration of a node's session: a peer that finds others through the router.
 
     Raises:
         TransportError: as ``router_endpoints``.
@@ -98,7 +98,7 @@ def session_config(settings: TransportSettings) -> zenoh.Config:
         "listen/endpoints": [f"{protocol}/localhost:0"],
         "connect/endpoints": [str(own_router(settings))],
         "scouting/delay": _OPEN_WAIT_MS,
-        # every peer reaches every other one, so that one side of each pair connects
+        # every peer reaches all others, so one side of each pair connects
         "scouting/gossip/target": {"router": ["router", "peer"], "peer": ["router"]},
         "scouting/gossip/autoconnect_strategy": {"peer": {"to_router": "always", "to_peer": "greater-zid"}},
     }
@@ -106,7 +106,7 @@ def session_config(settings: TransportSettings) -> zenoh.Config:
 
 
 def guest_config(settings: TransportSettings) -> zenoh.Config:
-    """Configuration of a session that only watches the router of this machine and links to nothing else.
+    """Configuration of a session that only watches this machine's router, without other links.
 
     Raises:
         TransportError: as ``router_endpoints``.
@@ -114,7 +114,7 @@ def guest_config(settings: TransportSettings) -> zenoh.Config:
     own = {
         "mode": "peer",
         "connect/endpoints": [str(own_router(settings))],
-        # the program that has the port may be no router and never answer
+        # the program on the port may be no router and never respond
         "transport/unicast/open_timeout": _ANSWER_MS,
     }
     return _config(settings, _ALONE | own)
@@ -152,7 +152,7 @@ def _config(settings: TransportSettings, values: dict[str, Any]) -> zenoh.Config
             "connect_certificate": settings.tls.certificate_file,
             "connect_private_key": settings.tls.private_key_file,
             "enable_mtls": True,
-            # the authority decides who belongs to the robot; its certificates need not name each address
+            # the authority decides which machines are trusted, so certificates need not name each address
             "verify_name_on_connect": False,
         }
     config = zenoh.Config()
@@ -162,7 +162,7 @@ def _config(settings: TransportSettings, values: dict[str, Any]) -> zenoh.Config
 
 
 def open_session(config: zenoh.Config, *, warn: bool = True) -> Any:
-    """Open a session; close it with ``close_session``. Without shared memory the session uses sockets.
+    """Open a session, to be closed with ``close_session``. Without shared memory, it uses sockets.
 
     Args:
         config: of the session.
@@ -180,7 +180,7 @@ def open_session(config: zenoh.Config, *, warn: bool = True) -> Any:
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
-        # without the place in Zenoh's own sources
+        # without the position in Zenoh's sources
         reason = str(error).split(" at /", 1)[0].rstrip(". ")
         if "shm" in reason:
             with contextlib.suppress(zenoh.ZError):
@@ -208,7 +208,7 @@ def close_session(session: Any) -> None:
 
 
 def require_certificates(settings: TransportSettings) -> None:
-    """Check the certificates of a transport, because Zenoh itself says less, or aborts.
+    """Check the certificates of a transport, because Zenoh's errors are less specific, or it aborts.
 
     Raises:
         TransportError: names the file that cannot be used, why, and what to do.

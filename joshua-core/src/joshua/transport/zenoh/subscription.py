@@ -22,17 +22,17 @@ if TYPE_CHECKING:
     from joshua.transport.zenoh.transport import ZenohNode
 
 _log = logging.getLogger("joshua.transport")
-# a channel of Zenoh has a bound; this one stands for none
+# a channel of Zenoh is always bounded; this is large enough for KEEP_ALL
 _UNBOUNDED = 2**31
 _UNKNOWN = (0, 0, 0, b"")
 
 
 class ZenohSubscription(Subscription):
-    """Passes samples to the callback on a thread of its own, from a queue that the network thread fills.
+    """Passes samples to the callback on a separate thread, from a queue that the network thread fills.
 
-    The queue is a channel of Zenoh, which needs no Python to fill it: that saves passing the interpreter
-    between two threads, about half of a small message's latency. With a deadline or a lease the queue is a
-    ``Delivery``, because then each arrival counts when it happens.
+    The queue is a channel of Zenoh, which is filled without Python. That avoids switching the interpreter
+    between two threads, about half of a small message's latency. With a deadline or a lease, the queue is a
+    ``Delivery``, because the time of each arrival matters.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class ZenohSubscription(Subscription):
             handler = zenoh.handlers.FifoChannel(_UNBOUNDED)
         else:
             handler = zenoh.handlers.RingChannel(depth)
-        # declared before data flows, so that a publisher's assertions are not missed
+        # declared before data arrives, so that a publisher's assertions are not missed
         self._assertions = (
             AssertionListener(home.session, entity.domain_id, self._publisher_marked, self._alive)
             if watches_lease
@@ -117,11 +117,11 @@ class ZenohSubscription(Subscription):
                 deliver(sample)
             except Exception:  # noqa: BLE001 - a failing callback must not end the subscription
                 _log.exception("the callback of %s failed", self._name)
-            # a sample kept here would keep its buffer until the next one arrives
+            # a reference here would keep its buffer until the next one arrives
             del sample
 
     def _arrived(self, sample: zenoh.Sample) -> None:
-        """Queue a sample and restart deadline and lease; runs on the network thread."""
+        """Queue a sample and restart deadline and lease. Runs on the network thread."""
         assert self._delivery is not None
         self._delivery.push(sample)
         gid = _head(sample)[3]
@@ -154,7 +154,7 @@ class ZenohSubscription(Subscription):
         self._alive(gid)
 
     def _alive(self, gid: bytes) -> None:
-        """Restart the lease of a publisher; its first assertion starts it."""
+        """Restart the lease of a publisher. The first assertion starts it."""
         limit = self._leases.get(gid)
         if limit is None:
             publisher = self._matching.connected.get(gid)

@@ -38,7 +38,7 @@ from joshua.transport.zenoh.settings import (
 from joshua.transport.zenoh.subscription import ZenohSubscription
 from joshua.transport.zenoh.watch import Watch
 
-#: Requests that wait while a service is busy; further ones displace the oldest.
+#: Pending requests of a busy service. Further ones displace the oldest.
 _MOST_REQUESTS = 10
 
 
@@ -115,11 +115,11 @@ class ZenohTransport(Transport):
         self.graph = Graph(self.session, settings.domain_id, keep=self)
 
     def nodes(self) -> list[NodeInfo]:
-        """The graph as known at present."""
+        """The present graph."""
         return self.graph.nodes()
 
     def services(self) -> list[ServiceInfo]:
-        """The services in the graph as known at present, sorted by name."""
+        """The services in the present graph, sorted by name."""
         found = {
             ServiceInfo(item.full_name, item.topic, shown_type_name(item.type_name))
             for item in self.graph.entities(SERVICE)
@@ -133,11 +133,11 @@ class ZenohTransport(Transport):
 
     @property
     def meeting_point(self) -> str:
-        """Where this session looks for others, for messages."""
+        """Address at which this session finds others, for messages."""
         return str(own_router(self.settings))
 
     def next_id(self) -> str:
-        """A number that no other entity of the session has."""
+        """An unused entity number of the session."""
         return str(next(self._ids))
 
     def _make_node(self, name: str, namespace: str) -> NodeHandle:
@@ -154,4 +154,4 @@ class ZenohTransport(Transport):
 
 
 def _ignore(event: str, detail: str) -> None:
-    """Drop an event that nobody asked for."""
+    """Drop an event without a listener."""

@@ -1,4 +1,4 @@
-"""Time limits of endpoints: one thread that notices when something did not happen in time."""
+"""Time limits of endpoints, watched by one thread."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from collections.abc import Callable
 
 
 class Limit:
-    """One time limit: starts at the first ``touch`` and expires when no other follows in time.
+    """One time limit: starts at the first ``touch`` and expires if no other follows in time.
 
     Args:
         period_s: the longest time between two touches.
-        expired: called once for each period that passes without a touch; runs on the watch thread.
-        repeat: whether it restarts after it expired; else the next touch arms it again.
+        expired: called once for each period without a touch, on the watch thread.
+        repeat: whether it restarts after it expired. If not, the next touch arms it again.
     """
 
     def __init__(self, period_s: float, expired: Callable[[], None], *, repeat: bool) -> None:
@@ -36,7 +36,7 @@ class Limit:
 
 
 class Watch:
-    """Watches limits on one thread, which exists only while there are any."""
+    """Watches limits on one thread, which exists only while there are limits."""
 
     def __init__(self) -> None:
         self._limits: list[Limit] = []
@@ -45,7 +45,7 @@ class Watch:
         self._closed = False
 
     def add(self, limit: Limit) -> Limit:
-        """Watch a limit; its first touch arms it."""
+        """Watch a limit. Its first touch arms it."""
         with self._condition:
             limit.watch = self
             self._limits.append(limit)
@@ -56,13 +56,13 @@ class Watch:
         return limit
 
     def remove(self, limit: Limit) -> None:
-        """Stop watching a limit; an unknown limit has no effect."""
+        """Stop watching a limit. No effect for an unknown limit."""
         with self._condition:
             if limit in self._limits:
                 self._limits.remove(limit)
 
     def wake(self) -> None:
-        """Let the thread look at the limits again."""
+        """Make the thread check the limits again."""
         with self._condition:
             self._condition.notify()
 
