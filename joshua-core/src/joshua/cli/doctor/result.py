@@ -16,7 +16,7 @@ class Level(str, Enum):
 
     OK = "ok"
     NOTE = "note"
-    """Works, and could be better."""
+    """Works, but could be better."""
     WARNING = "warning"
     """Works now, and may fail."""
     ERROR = "error"
