@@ -208,8 +208,7 @@ class NodeHandle(ABC):
                 serialised response, or a future of it.
 
         Raises:
-            TransportError: the name is invalid, the node is closed, or the transport does not support
-            services.
+            TransportError: the name is invalid, the node is closed, or the transport has no services.
             MessageError: the type is unknown.
         """
         full = require_type(type_name)
@@ -220,8 +219,7 @@ class NodeHandle(ABC):
         """Call a service and return its serialised response.
 
         Raises:
-            TransportError: no response in time, the server refuses, or the transport does not support
-            services.
+            TransportError: no response in time, the server refuses, or the transport has no services.
             MessageError: the type is unknown.
         """
         return self._call(require_topic(name), require_type(type_name), request, timeout_s)
