@@ -20,6 +20,8 @@ from joshua_dataset.commands import dataset as command
 from joshua_dataset.mcap_writer import McapWriter
 from joshua_dataset.reader import Dataset, DatasetError
 from joshua_dataset.repair import repair
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from small_dataset import TOP, layout, write
@@ -70,11 +72,16 @@ def test_messages_are_read_back_by_rosbags(tmp_path: Path) -> None:
     (shown,) = [message for topic, _, message in seen if topic == "/top/image_raw"]
     assert np.array_equal(shown.data.reshape(24, 32, 3), picture)
     assert len(played(bag_of(tmp_path / "set", 1))) == 5
+    # by the schemas in the file, as Foxglove's own reader does it
+    with (bag_of(tmp_path / "set") / "messages.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        theirs = [item for *_, item in reader.iter_decoded_messages("/arm/joint_states")]
+        (shown,) = [item for *_, item in reader.iter_decoded_messages("/top/image_raw")]
+    assert [list(item.position) for item in theirs] == [[number, 1] for number in range(30)]
+    assert np.array_equal(np.frombuffer(shown.data, np.uint8).reshape(24, 32, 3), picture)
 
 
 def test_the_file_has_schemas_and_chunks_for_a_viewer(tmp_path: Path) -> None:
-    from mcap.reader import make_reader
-
     bag = Bag(tmp_path / "bag")
     bag.add("/a", "sensor_msgs/msg/JointState", b"\0\1\0\0", T0, T0)
     bag.close()

@@ -284,6 +284,32 @@ def test_recording_beside_teleoperation_waits_for_its_user(joshua: JoshuaProgram
     assert process.returncode == 0
 
 
+SHIFTED = """import time
+
+now = time.time_ns
+time.time_ns = lambda: now() + 300_000_000
+"""
+
+
+def test_another_host_whose_clock_is_ahead(joshua: JoshuaProgram, tmp_path: Path) -> None:
+    path = write(tmp_path, "tolerance_s: 0.05")
+    node = 'node { node_name: "camera_top" node_id: 3'
+    path.write_text(path.read_text().replace(node, f'{node} host: "jetson"'))
+    (tmp_path / "sitecustomize.py").write_text(SHIFTED)  # the clock of the other host
+    other = {"JOSHUA_RUN_DIR": str(tmp_path / "jetson"), "PYTHONPATH": str(tmp_path)}
+    jetson = JoshuaProgram(tmp_path, int(joshua.environment["ROS_DOMAIN_ID"]), other)
+    with contextlib.closing(jetson):
+        camera = jetson.start("--config", str(path), "--host", "jetson")
+        process = started(joshua, path)
+        eventually(lambda: abs(status(joshua)["delays_s"][TOP] + 0.3) < 0.1, "the offset is estimated")
+        warned = "are 0.*ahead of this machine"
+        eventually(lambda: any(re.search(warned, log.read_text()) for log in (tmp_path / "log").iterdir()))
+        _, errors = joshua.stop(process)
+        jetson.stop(camera)
+    assert re.search(r"the stamps of /top/image_raw are 0\.\d+ s ahead of this machine", errors)
+    assert "Synchronise the clocks of the hosts with chrony or NTP" in errors
+
+
 def test_messages_are_recorded_as_they_come(joshua: JoshuaProgram, tmp_path: Path) -> None:
     fields = "auto_start: true num_episodes: 1 episode_duration_s: 1.0"
     run = joshua("--config", str(write(tmp_path, fields, format="FORMAT_MCAP")))

@@ -135,7 +135,8 @@ def late(stream: Stream, delay_s: float, count: int = CLOCK_SAMPLES) -> None:
     ("delay_s", "expected"),
     [
         (0.002, ""),
-        (0.2, ""),
+        (0.08, ""),
+        (0.2, "the stamps of /action are 0.200 s behind this machine"),
         (-0.3, "the stamps of /action are 0.300 s ahead of this machine, the tolerance is 0.050 s."),
         (0.6, "the stamps of /action are 0.600 s behind this machine"),
     ],

@@ -29,6 +29,9 @@ CLOCK_SAMPLES = 60
 #: How long a frame waits for a value that is still on its way through a camera or a network.
 LATENCY_S = 0.25
 
+#: The same for numbers, at their best: what is older comes over a slow network, or from a clock behind.
+NUMBERS_LATENCY_S = 0.05
+
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 
 
@@ -118,7 +121,8 @@ class Stream:
         if self._warned or len(self._delays_ns) < CLOCK_SAMPLES:
             return ""
         delay_s = self.delay_s
-        if -tolerance_s <= delay_s <= tolerance_s + LATENCY_S:
+        latency_s = LATENCY_S if self.feature.is_picture else NUMBERS_LATENCY_S
+        if -tolerance_s <= delay_s <= tolerance_s + latency_s:
             return ""
         self._warned = True
         what = "ahead of" if delay_s < 0 else "behind"
