@@ -1,6 +1,6 @@
 """Client of the fork server: a small process that loads heavy modules once and forks children.
 
-Start it before anything heavy is imported and before any thread or transport exists.
+Start it before anything else heavy is imported and before any thread or transport exists.
 """
 
 from __future__ import annotations
@@ -135,6 +135,8 @@ def start(*, preload: bool = True) -> ForkServer:
         if not _single_threaded():
             process = _execute_server(theirs, preload)
             return ForkServer(ours, process.pid, process)
+        if preload:
+            import joshua.ipc.messages  # noqa: F401 (both processes need it and what it imports: loaded once)
         parent_id = os.getpid()
         process_id = os.fork()
         if process_id == 0:
