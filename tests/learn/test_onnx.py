@@ -19,8 +19,11 @@ from joshua_lerobot.settings import LeRobotSettings
 from joshua_onnx.exporting import export
 from joshua_onnx.model import OnnxModel
 from joshua_onnx.settings import OnnxSettings
+from joshua_ppo_trainer.acting import PpoModel
+from joshua_ppo_trainer.acting_settings import SHIPPED, PpoPolicySettings
+from joshua_ppo_trainer.policy import Policy
 from safetensors.torch import save_file
-from test_policies import model_of, observation
+from test_policies import JOINTS, model_of, observation
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +58,9 @@ import numpy as np
 from joshua.api import JointSpace, Observation
 from joshua_onnx.model import OnnxModel
 from joshua_onnx.settings import OnnxSettings
+from joshua_ppo_trainer.acting import PpoModel
+from joshua_ppo_trainer.acting_settings import SHIPPED, PpoPolicySettings
+from joshua_ppo_trainer.policy import Policy
 model = OnnxModel(OnnxSettings(weights={str(act[1])!r}), JointSpace(tuple("abcdef"), -np.ones(6), np.ones(6)))
 model.load()
 picture = np.zeros((96, 96, 3), np.uint8)
@@ -137,3 +143,49 @@ def test_the_command_exports(act: tuple[Path, Path], tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "onnx" / "policy.onnx").is_file()
     assert "largest difference" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "activation", "normalised"),
+    [("PPO", "tanh", False), ("PPO", "elu", True), ("SAC", "relu", True)],
+)
+def test_a_policy_of_ppo_is_exported_and_acts_the_same(
+    tmp_path: Path, algorithm: str, activation: str, normalised: bool
+) -> None:
+    draw = np.random.default_rng(0)
+    run = tmp_path / "run"
+    step = run / "checkpoints" / "step_000000000100"
+    step.mkdir(parents=True)
+    (run / "run.json").write_text("{}")
+    about = json.loads((SHIPPED / "policy.json").read_text())
+    moments = {"mean": draw.normal(0, 1, 30).tolist(), "variance": draw.uniform(0.5, 2, 30).tolist()}
+    about |= {"algorithm": algorithm, "activation": activation}
+    about |= {"normalisation": moments if normalised else None}
+    (step / "policy.json").write_text(json.dumps(about))
+    hidden = {"PPO": "mlp_extractor.policy_net", "SAC": "actor.latent_pi"}[algorithm]
+    last = {"PPO": "action_net", "SAC": "actor.mu"}[algorithm]
+    shapes = {f"{hidden}.0": (16, 30), f"{hidden}.2": (16, 16), last: (6, 16)}
+    weights = {
+        f"{name}.weight": torch.tensor(draw.normal(0, 0.5, shape)).float() for name, shape in shapes.items()
+    }
+    weights |= {
+        f"{name}.bias": torch.tensor(draw.normal(0, 0.5, shape[0])).float() for name, shape in shapes.items()
+    }
+    save_file(weights, step / "policy.safetensors")
+    said = list(export(run, tmp_path / "onnx"))
+    assert "largest difference" in said[0]
+    assert "[joshua/joshua.PpoPolicy]" in said[1]
+    settings = PpoPolicySettings(weights=str(tmp_path / "onnx"), goal_m=(0.1, -0.2, 0.15), rate_hz=25.0)
+    model = PpoModel(settings, JOINTS)
+    model.load()
+    seen = draw.normal(0, 1, (1, 30)).astype(np.float32)
+    np.testing.assert_allclose(model._network(seen), Policy.load(step).act(seen), atol=1e-5)
+    assert settings.needs().libraries == ("gymnasium", "mujoco", "onnxruntime")
+    model.reset()
+    model.close()
+
+
+def test_a_run_without_a_policy_cannot_be_exported(tmp_path: Path) -> None:
+    (tmp_path / "run.json").write_text("{}")
+    with pytest.raises(CheckpointError, match="holds no policy of joshua-ppo-trainer"):
+        list(export(tmp_path, tmp_path / "onnx"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import re
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from joshua.modes import check_mode
 from joshua.plan import Severity
 from joshua.planner.pipeline import examine
 from joshua.planner.request import Purpose, Request
+from joshua.plugins import load_registry
 from joshua.plugins.hints import distribution_for, stated
 from joshua.schema import config_pb2 as pb
 from joshua.schema import simulation_pb2 as sim
@@ -36,7 +38,12 @@ TABLE = {
         "teleop_dual_arm",
         "ros_follower",
     ],
-    "INFERENCE": ["inference_smolvla", "inference_smolvla_jetson", "inference_random_noise"],
+    "INFERENCE": [
+        "inference_smolvla",
+        "inference_smolvla_jetson",
+        "inference_ppo_policy",
+        "inference_random_noise",
+    ],
     "TRAINING": [
         "training_rl_ppo",
         "training_rl_mjx",
@@ -55,6 +62,7 @@ each_preset = pytest.mark.parametrize("preset", PRESETS, ids=lambda preset: pres
 
 
 def parse(preset: Preset) -> pb.Config:
+    importlib.import_module("joshua_ppo_trainer.ppo_pb2")  # registers the message of a preset
     return text_format.Parse(preset.text, pb.Config())
 
 
@@ -195,7 +203,7 @@ def test_each_is_valid_and_only_what_comes_from_elsewhere_is_noted(
     preset: Preset, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.chdir(FOLDER)
-    loaded = load(f"{preset.name}.pbtxt")
+    loaded = load(f"{preset.name}.pbtxt", message_types=load_registry().message_modules())
     found = [*loaded.diagnostics, *check(loaded), *check_mode(loaded), *check_paths(loaded, launch=False)]
     assert {(item.code, item.severity) for item in found} <= {
         ("input-file-missing", Severity.NOTE),

@@ -26,6 +26,7 @@ from joshua_lerobot.loading import LoadedPolicy, load_policy, prepare, require
 from joshua_lerobot.settings import LeRobotSettings
 
 from joshua_onnx.model import open_session
+from joshua_onnx.ppo import export_trained, is_trained_here
 from joshua_onnx.settings import EXPORTED, NETWORK
 
 #: Policies that can be exported: one observation in, one chunk out, nothing drawn at random.
@@ -53,6 +54,9 @@ def export(folder: Path, target: Path) -> Iterator[str]:
     """
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise CheckpointError(f"{target} is not empty, and nothing is overwritten", "Name another folder")
+    if is_trained_here(folder):
+        yield from export_trained(folder, target)
+        return
     is_mlp = _type_of(folder) == "mlp"
     checkpoint = read_checkpoint(folder, weights=NETWORK if is_mlp else WEIGHTS)
     if checkpoint.type not in EXPORTABLE:

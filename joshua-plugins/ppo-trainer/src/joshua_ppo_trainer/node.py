@@ -194,6 +194,7 @@ def _policy_facts(chosen: Any, environment: Any) -> dict[str, Any]:
             key: {"shape": list(feature.shape), "names": list(feature.names), "unit": feature.unit}
             for key, feature in environment.features.items()
         },
+        "rate_hz": float(environment.metadata.get("render_fps") or 0.0),
         "observation_offset": offset.tolist(),
         "observation_scale": scale.tolist(),
         "action_low": space.low.tolist(),

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from joshua.api import PluginSpec, TrainerSpec, hookimpl
+from joshua.api import ModelSpec, PluginSpec, TrainerSpec, hookimpl
 
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Name the trainer."""
+    """Name the trainer, and what runs its policies."""
     return [
+        ModelSpec(
+            block="joshua.PpoPolicy",
+            message_module="joshua_ppo_trainer.ppo_pb2",
+            enum_values=("MODEL_PLUGIN",),
+            implementation="joshua_ppo_trainer.acting:PpoModel",
+            settings="joshua_ppo_trainer.acting_settings:PpoPolicySettings",
+            summary="policies that joshua-ppo-trainer has trained, without PyTorch",
+        ),
         TrainerSpec(
             block="training",
             # METHOD_RL chooses the trainer where no simulator is named, which is on a robot
@@ -16,5 +24,5 @@ def joshua_specs() -> list[PluginSpec]:
             implementation="joshua_ppo_trainer.node:PpoTrainer",
             settings="joshua_ppo_trainer.settings:TrainerSettings",
             summary="PPO and SAC on the CPU, in batched MuJoCo environments",
-        )
+        ),
     ]

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 from joshua_training.run_folder import RunError
-from safetensors import SafetensorError
-from safetensors.numpy import load as load_arrays
 
 from joshua_ppo_trainer.normalise import LIMIT
 
 #: The files of a policy in a checkpoint.
 WEIGHTS, ABOUT = "policy.safetensors", "policy.json"
+
+#: Types of numbers in a file.
+_KINDS: dict[str, Any] = {"F32": np.dtype("<f4"), "F64": np.dtype("<f8"), "I64": np.dtype("<i8")}
 
 #: Prefixes of the layers of the mean action in the networks of stable-baselines3: hidden ones, the last one.
 _LAYERS = {"PPO": ("mlp_extractor.policy_net.", "action_net"), "SAC": ("actor.latent_pi.", "actor.mu")}
@@ -25,6 +26,9 @@ class Policy:
 
     Attributes:
         about: what ``policy.json`` says: features, scales, the range of actions, normalisation.
+        layers: weight and bias of each; squash: by a tanh after the last one.
+        mean, spread: that observations are brought to unit size by, None if they are not; limit: then.
+        low, high: of actions.
     """
 
     def __init__(self, about: dict[str, Any], weights: dict[str, Any]) -> None:
@@ -32,14 +36,15 @@ class Policy:
         hidden, last = _LAYERS[about["algorithm"]]
         numbers = sorted({int(key[len(hidden) :].split(".")[0]) for key in weights if key.startswith(hidden)})
         names = [*(f"{hidden}{number}" for number in numbers), last]
-        self._layers = [(weights[f"{name}.weight"], weights[f"{name}.bias"]) for name in names]
-        self._squash = about["algorithm"] == "SAC"
-        self._low, self._high = (np.asarray(about[f"action_{end}"], np.float32) for end in ("low", "high"))
+        self.layers = [(weights[f"{name}.weight"], weights[f"{name}.bias"]) for name in names]
+        self.squash = about["algorithm"] == "SAC"
+        self.low, self.high = (np.asarray(about[f"action_{end}"], np.float32) for end in ("low", "high"))
         moments = about["normalisation"]
-        self._mean = self._spread = None
+        self.mean = self.spread = None
+        self.limit = LIMIT
         if moments is not None:
-            self._mean = np.asarray(moments["mean"])
-            self._spread = np.sqrt(np.asarray(moments["variance"]) + 1e-8)
+            self.mean = np.asarray(moments["mean"])
+            self.spread = np.sqrt(np.asarray(moments["variance"]) + 1e-8)
 
     @classmethod
     def load(cls, checkpoint: Path) -> Policy:
@@ -50,24 +55,24 @@ class Policy:
         """
         try:
             about = json.loads((checkpoint / ABOUT).read_text(encoding="utf-8"))
-            return cls(about, load_arrays((checkpoint / WEIGHTS).read_bytes()))
-        except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
+            return cls(about, arrays_of((checkpoint / WEIGHTS).read_bytes()))
+        except (OSError, ValueError, KeyError, TypeError) as error:
             reason = f"{type(error).__name__}: {error}"
             raise RunError(f"{checkpoint} holds no policy of joshua-ppo-trainer: {reason}") from error
 
     def act(self, observations: Any) -> Any:
         """Actions for observations, shape (N, K), as the environment shows them: shape (N, A), float32."""
         values = np.asarray(observations, np.float32)
-        if self._mean is not None:
-            scaled = (values - self._mean) / self._spread
+        if self.mean is not None:
+            scaled = (values - self.mean) / self.spread
             values = np.clip(scaled, -LIMIT, LIMIT).astype(np.float32)
-        for weight, bias in self._layers[:-1]:
+        for weight, bias in self.layers[:-1]:
             values = self._activate(values @ weight.T + bias)
-        weight, bias = self._layers[-1]
+        weight, bias = self.layers[-1]
         values = values @ weight.T + bias
-        if self._squash:
-            values = self._low + 0.5 * (np.tanh(values) + 1.0) * (self._high - self._low)
-        return np.clip(values, self._low, self._high)
+        if self.squash:
+            values = self.low + 0.5 * (np.tanh(values) + 1.0) * (self.high - self.low)
+        return np.clip(values, self.low, self.high)
 
     def _activate(self, values: Any) -> Any:
         kind = self.about["activation"]
@@ -76,3 +81,18 @@ class Policy:
         if kind == "relu":
             return np.maximum(values, 0.0)
         return np.where(values > 0, values, np.expm1(np.minimum(values, 0.0)))
+
+
+def arrays_of(content: bytes) -> dict[str, Any]:
+    """The arrays of a safetensors file, without its library. Raises ValueError for a torn file."""
+    start = 8 + int.from_bytes(content[:8], "little")
+    if not 8 < start <= len(content):
+        raise ValueError("the file is torn")
+    described = json.loads(content[8:start])
+    found = {}
+    for name, entry in described.items():
+        if name != "__metadata__":
+            begin, end = entry["data_offsets"]
+            values = np.frombuffer(content[start + begin : start + end], _KINDS[entry["dtype"]])
+            found[name] = values.reshape(entry["shape"])
+    return found

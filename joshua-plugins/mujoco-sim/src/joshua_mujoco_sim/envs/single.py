@@ -112,6 +112,26 @@ class TermEnv(gymnasium.Env[Any, Any]):
         info["objects"] = first(evaluator.objects())
         return first(self._observer.all()), float(reward[0]), bool(ended[0]), False, info
 
+    def observe_robot(self, position_rad: Any, velocity_rad_s: Any, goal_m: Any) -> Any:
+        """What a policy sees of a robot whose joints are where these say; nothing is simulated.
+
+        Args:
+            position_rad, velocity_rad_s: of the model's joints in their order.
+            goal_m: where the goal is, shape (3,).
+        """
+        state = self._state
+        state.qpos[0], state.qvel[0], state.mocap_pos[0, 0] = position_rad, velocity_rad_s, goal_m
+        if state.elapsed_steps[0] == 0:
+            state.ctrl[0] = position_rad
+        state.forward(_ONLY)
+        return first(self._observer.all())
+
+    def goals_of(self, action: Any) -> Any:
+        """The goals of the servos, rad, that an action asks of the robot that was observed last."""
+        self._evaluator.act(np.asarray(action)[None])
+        self._state.elapsed_steps += 1
+        return self._state.ctrl[0].copy()
+
     def render(self) -> Any:
         """Draws the task's camera: shape (H, W, 3), RGB; None without a render mode."""
         if self.render_mode is None:

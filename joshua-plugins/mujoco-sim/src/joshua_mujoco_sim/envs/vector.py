@@ -81,7 +81,8 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         if mode is AutoresetMode.DISABLED:
             raise ValueError("autoreset_mode DISABLED is not offered: choose NEXT_STEP or SAME_STEP")
         self._same_step = mode is AutoresetMode.SAME_STEP
-        self.metadata = {"autoreset_mode": mode, "render_modes": []}
+        rate_hz = round(1 / (self.task.frame_skip * model.opt.timestep))
+        self.metadata = {"autoreset_mode": mode, "render_modes": [], "render_fps": rate_hz}
         self.render_mode = None
         self._state = BatchState(model, num_envs, self.task.action_size, threads, self.task.forces)
         self.task.prepare(self._state)
