@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -38,6 +41,9 @@ STATUS = "action_msgs/msg/GoalStatusArray"
 
 class Client:
     """One client of the action."""
+
+    port: str
+    domain_id: int
 
     def __init__(self, node: NodeHandle) -> None:
         self.node = node
@@ -104,7 +110,9 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
         assert run.stdout is not None
         assert any(" ready after " in line for line in run.stdout)
         transport = open_transport(TransportSettings(domain_id=domain_id, listen_endpoints=(joshua.router,)))
-        yield Client(transport.create_node("moveit"))
+        client = Client(transport.create_node("moveit"))
+        client.port, client.domain_id = joshua.router.rpartition(":")[2], domain_id
+        yield client
         transport.close()
         joshua.close()
 
@@ -141,6 +149,20 @@ def test_a_goal_moves_the_arm_and_succeeds(client: Client) -> None:
     assert any((identifier, EXECUTING) in states for states in client.states)
     # a result can be asked for again
     assert client.result(identifier)[0] == SUCCEEDED
+
+
+def test_an_independent_client_moves_the_arm(client: Client) -> None:
+    program = Path(__file__).parent / "programs" / "sdk_trajectory.py"
+    hashes = (type_hash(f"{ACTION}_{name}") for name in ("SendGoal", "GetResult"))
+    place = (client.port, str(client.domain_id), "/arm/follow_joint_trajectory")
+    done = subprocess.run(
+        [sys.executable, str(program), *place, *hashes], capture_output=True, text=True, timeout=100
+    )
+    said = [json.loads(line) for line in done.stdout.splitlines()]
+    assert said == [{"accepted": True}, {"status": SUCCEEDED, "error": 0, "text": ""}], done.stderr
+    last = until(lambda: client.feedback and client.feedback[-1])
+    assert list(last.joint_names) == list(JOINTS)
+    assert last.desired.positions[0] == pytest.approx(0.3, abs=0.05)
 
 
 def test_a_goal_is_cancelled_and_the_arm_stops(client: Client) -> None:
