@@ -78,7 +78,7 @@ class Catalogue:
 
         Returns:
             Places, descriptors of messages, enums or enum values, or the code as a string. Several where
-            the query is ambiguous, none where it is unknown.
+            the query is ambiguous, none if it is unknown.
         """
         word = _INDEX.sub("", query).strip().strip(".")
         word = word.removeprefix("joshua.")

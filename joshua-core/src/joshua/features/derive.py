@@ -47,7 +47,7 @@ def features_of(
         beside: publishers whose topics the reader receives without a subscription in the file.
 
     Raises:
-        ValueError: two nodes would have the same key; the message names it.
+        ValueError: two nodes would have the same key. The message names it.
     """
     robot = _Robot(graph, joints, settings)
     if reader is None:

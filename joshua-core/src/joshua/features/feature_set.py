@@ -85,7 +85,7 @@ class FeatureSet(Mapping[str, Feature]):
         Names ending in ``.pos`` are in LeRobot's units if the data set states no unit.
 
         Raises:
-            ValueError: a description is invalid; the message names the feature.
+            ValueError: a description is invalid. The message names the feature.
         """
         return cls(
             _from_lerobot(key, values) for key, values in described.items() if key not in LEROBOT_COLUMNS

@@ -139,7 +139,7 @@ def joint_counts(
 
 
 def joint_count(entry: NodeEntry) -> int:
-    """Motors of an actuator; 0 where the file does not say."""
+    """Motors of an actuator; 0 if the file does not say."""
     name, block = block_of(entry.owner)
     if name == "plugin_config" or block is None:
         return 0

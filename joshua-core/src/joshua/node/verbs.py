@@ -17,7 +17,8 @@ from joshua.ipc.messages import VerbInfo
 from joshua.node.errors import NodeError
 
 #: The thread that runs a verb: ``loop`` is the node's own, between two timers; ``activation`` the same, with
-#: the time of an activation, in which the node may be silent; ``beside`` one of its own, while timers go on.
+#: the time of an activation, in which the node may be silent; ``beside`` one of its own, while timers
+#: continue.
 Runs = Literal["loop", "activation", "beside"]
 
 #: Switching torque off is allowed for every caller.

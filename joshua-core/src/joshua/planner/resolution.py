@@ -118,7 +118,7 @@ def resolve_nodes(draft: Draft, wanted: list[Wanted], physics: dict[str, Any] | 
     """Resolve all nodes whose plugin is installed, and set ``draft.joints``. The others become findings.
 
     Args:
-        physics: settings of the simulation; None where there is none.
+        physics: settings of the simulation; None if there is none.
     """
     from joshua.config.input_paths import with_absolute_paths
 

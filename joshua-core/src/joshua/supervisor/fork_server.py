@@ -119,7 +119,7 @@ class ForkServer:
 
 
 def start(*, preload: bool = True) -> ForkServer:
-    """Starts the server and returns at once. It loads modules while the caller goes on.
+    """Starts the server and returns at once. It loads modules while the caller continues.
 
     A caller without threads is forked, which takes milliseconds. A fork of one with threads could copy a
     held lock, so the server then runs in a fresh interpreter.

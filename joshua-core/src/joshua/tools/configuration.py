@@ -35,7 +35,7 @@ def spans(text: str, field_path: str) -> list[tuple[int, int]]:
         Start and end offset of each value, brackets of blocks included, in the order of the text.
 
     Raises:
-        ValueError: the text is not readable; the message says why.
+        ValueError: the text is not readable. The message says why.
     """
     from joshua.textproto.diagnostics import Diagnostics
     from joshua.textproto.lexer import tokenize

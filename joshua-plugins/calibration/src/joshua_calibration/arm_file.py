@@ -35,7 +35,7 @@ class ArmFile:
         self.path = Path(path)
 
     def arm(self, node_name: str) -> ArmCalibration | None:
-        """Calibration of one arm; None where the file holds none.
+        """Calibration of one arm; None if the file holds none.
 
         Raises:
             FileRefused: the file cannot be read, or its entry is no calibration.

@@ -43,7 +43,7 @@ MODE = "MODE_CALIBRATION"
 
 
 class Refused(Exception):
-    """The command cannot go on; the message says why and what to do; "" where that has been shown.
+    """The command cannot continue. The message says why and what to do; "" if that has been shown.
 
     Attributes:
         code: exit code.

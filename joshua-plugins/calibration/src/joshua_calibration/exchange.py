@@ -33,7 +33,7 @@ MAX_BYTES = 1 << 20
 
 
 class _Refused(Exception):
-    """The command line or a file is refused; the message says why and what to do."""
+    """The command line or a file is refused. The message says why and what to do."""
 
 
 def home() -> Path:

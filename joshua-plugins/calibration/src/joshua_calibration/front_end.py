@@ -71,7 +71,7 @@ class FrontEnd(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Gives everything back; a second call does nothing."""
+        """Gives everything back. Idempotent."""
 
     @property
     @abstractmethod

@@ -16,7 +16,7 @@ class Record(BaseModel):
     """Both states of one arm.
 
     Attributes:
-        device_identity: of the arm; "" where it has none.
+        device_identity: of the arm; "" if it has none.
         calibrated_at: of the new calibration, by which the file shows whether it was completed.
         old, new: values by motor id.
     """
@@ -31,7 +31,7 @@ class Record(BaseModel):
 
 
 class JournalRefused(Exception):
-    """The note cannot be read or written; the message says why and what to do."""
+    """The note cannot be read or written. The message says why and what to do."""
 
 
 class Journal:
@@ -54,7 +54,7 @@ class Journal:
         return self.path.exists()
 
     def read(self) -> Record | None:
-        """The note; None where there is none. Raises JournalRefused."""
+        """The note; None if there is none. Raises JournalRefused."""
         try:
             return Record.model_validate_json(self.path.read_bytes())
         except (FileNotFoundError, NotADirectoryError):

@@ -92,7 +92,7 @@ class Procedure:
         """Says that the arm does not answer; from a moment on nothing can be confirmed then.
 
         Args:
-            gone: it will not answer before it is opened anew, so that the moment is now.
+            gone: it will not answer before it is opened again, so that the moment is now.
         """
         if gone or self._time_s is None or not 0.0 <= time_s - self._time_s <= GAP_S:
             self._lost = reason
@@ -137,7 +137,7 @@ class Procedure:
         self._refuse(reason)
 
     def result(self, identity: str = "", calibrated_at: str = "") -> ArmCalibration:
-        """The calibration. Raises RangeRefused where a joint has none yet."""
+        """The calibration. Raises RangeRefused if a joint has none yet."""
         if self._homes is None:
             raise RangeRefused("the middle pose was not taken yet")
         motors = [

@@ -11,7 +11,7 @@ MIDDLE_MARGIN = 0.1  # of the range: the middle pose is at least this far from b
 
 
 class RangeRefused(ValueError):
-    """A joint's range cannot be used; the message says why and what to do."""
+    """A joint's range cannot be used. The message says why and what to do."""
 
 
 def homing_offset(motor: TargetMotor, home_raw: int) -> int:

@@ -82,11 +82,11 @@ class CalibrationTarget(ABC):
 
     @abstractmethod
     def disconnect(self) -> None:
-        """Closes the device; a second call does nothing."""
+        """Closes the device. Idempotent."""
 
     @abstractmethod
     def release(self) -> None:
-        """Takes torque off all motors, verified. Raises DeviceError."""
+        """Disable the torque of all motors, verified. Raises DeviceError."""
 
     @abstractmethod
     def raw_positions(self) -> tuple[int, ...]:
@@ -116,7 +116,7 @@ class CalibrationTarget(ABC):
 
     @property
     def hand(self) -> Hand | None:
-        """What moves the joints of a device that nobody can take by the hand; None where a person does."""
+        """What moves the joints of a device that nobody can take by the hand; None if a person does."""
         return None
 
     def misfits(self, calibration: ArmCalibration) -> Sequence[str]:

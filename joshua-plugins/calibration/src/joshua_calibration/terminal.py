@@ -43,7 +43,7 @@ class TerminalFrontEnd(FrontEnd):
         return self._keys >= 0
 
     def show(self, board: Board) -> None:
-        """Draws the table anew, or writes a line about what has changed."""
+        """Draws the table again, or writes a line about what has changed."""
         if not self._is_live:
             text = event_text(self._before, board)
             self._before = board
@@ -124,7 +124,7 @@ def _descriptor(stream: TextIO) -> int:
 
 
 def _without_echo(descriptor: int) -> Any:
-    """Lets keys come one by one and unseen; Ctrl-C stays a signal. None where it is no terminal."""
+    """Lets keys come one by one and unseen; Ctrl-C stays a signal. None if it is no terminal."""
     try:
         attributes = termios.tcgetattr(descriptor)
     except (termios.error, ValueError, OverflowError):

@@ -1,4 +1,4 @@
-"""One joint's encoder over time: a position that goes on where the encoder starts again at zero."""
+"""One joint's encoder over time: a position that continues where the encoder starts again at zero."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ PAUSE_S = 0.25
 
 
 class NotWritten(Exception):
-    """The calibration was not written; the message says why, and what holds now.
+    """The calibration was not written. The message says why, and what holds now.
 
     Attributes:
         restored: the servos are known to hold the old values.

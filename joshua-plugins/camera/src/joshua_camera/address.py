@@ -31,7 +31,7 @@ def connect(source: CameraSource, endpoint: tuple[str, int], stop: threading.Eve
         timeout_s: longest wait for an answer.
 
     Raises:
-        DeviceError: nobody answers; the message says why and what to do.
+        DeviceError: nobody answers. The message says why and what to do.
     """
     host, port = endpoint
     try:

@@ -19,7 +19,7 @@ LEAST_GAP_NS = 50_000_000
 #: A picture for which the reader slept this long was not in a buffer.
 LEAST_WAIT_NS = 2_000_000
 
-#: No buffer takes longer to empty; a source that comes in bursts must not be shut out for ever.
+#: No buffer takes longer to empty; a source that comes in bursts must not be shut out indefinitely.
 LONGEST_DRAIN_NS = 1_000_000_000
 
 

@@ -96,7 +96,7 @@ class OpenCvCamera(Sensor):
 
         Raises:
             DeviceError: the camera is missing, busy, not allowed, of another size or silent, or the
-                intrinsics are wrong; the message names the camera and the remedy.
+                intrinsics are wrong. The message names the camera and the remedy.
             Cancelled: the run ends.
         """
         if self.connected:
@@ -162,7 +162,7 @@ class OpenCvCamera(Sensor):
             thread.interrupt()
 
     def disconnect(self) -> None:
-        """Close the camera; idempotent."""
+        """Close the camera. Idempotent."""
         with self._lock:
             thread, self._thread = self._thread, None
         if thread is not None:

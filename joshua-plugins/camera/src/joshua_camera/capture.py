@@ -87,7 +87,7 @@ class Capture(ABC):
         return "JPEG" if self.delivers_jpeg else ""
 
     def close(self) -> None:
-        """Close the camera; idempotent."""
+        """Close the camera. Idempotent."""
         if self._video is not None:
             self._video.release()
             self._video = None

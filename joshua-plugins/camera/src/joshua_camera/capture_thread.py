@@ -137,7 +137,7 @@ class CaptureThread:
         self._capture.interrupt()
 
     def close(self) -> None:
-        """End the thread; idempotent."""
+        """End the thread. Idempotent."""
         atexit.unregister(self.close)
         self.interrupt()
         clock = AwakeClock()

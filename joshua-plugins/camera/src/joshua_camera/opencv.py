@@ -6,7 +6,7 @@ import os
 from functools import lru_cache
 from typing import Any
 
-# Read by OpenCV when it is loaded. FFmpeg's log level -8 is «quiet»; the wait for a device that delivers
+# Read by OpenCV when it is loaded. FFmpeg's log level -8 is "quiet"; the wait for a device that delivers
 # nothing, in seconds, bounds how long a capture thread can be stuck.
 _ENVIRONMENT = {
     "OPENCV_FFMPEG_LOGLEVEL": "-8",

@@ -78,7 +78,7 @@ def calibration_text(joints: Sequence[JointRange]) -> str:
 
 
 def units_of(identity: Mapping[str, str], key: str) -> JointUnits | None:
-    """The units of a feature by the ranges that a data set keeps; None where it keeps none."""
+    """The units of a feature by the ranges that a data set keeps; None if it keeps none."""
     text = identity.get(f"{CALIBRATION}{key}", "")
     try:
         parts = [part.rsplit(":", 2) for part in text.split()]

@@ -63,7 +63,7 @@ class WriterLock:
                 raise self._taken(file.read()) from None
 
     def release(self) -> None:
-        """Gives the lock back; idempotent."""
+        """Gives the lock back. Idempotent."""
         if self._file is not None:
             with contextlib.suppress(OSError):  # the disk may have gone
                 self._path.unlink(missing_ok=True)

@@ -86,7 +86,7 @@ class OpenEpisode:
         return pictures_path(self._layout, key)
 
     def drop(self) -> None:
-        """Remove everything; idempotent."""
+        """Remove everything. Idempotent."""
         for encoder in self.encoders.values():
             encoder.drop()
         with contextlib.suppress(OSError):  # what is buffered goes nowhere
@@ -131,7 +131,7 @@ def remove(folder: Path) -> None:
 
 
 def read_journal(folder: Path) -> dict[str, Any] | None:
-    """The journal of an open episode; None without one, {} where a kill tore it."""
+    """The journal of an open episode; None without one, {} if a kill tore it."""
     try:
         record = json.loads((open_folder(folder) / JOURNAL).read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -142,7 +142,7 @@ def read_journal(folder: Path) -> dict[str, Any] | None:
 
 
 def rows_of(folder: Path) -> pa.Table | None:
-    """The rows of an open episode that reached the disk; None where there are none."""
+    """The rows of an open episode that reached the disk; None if there are none."""
     batches = []
     try:
         with (open_folder(folder) / ROWS).open("rb") as file, pa.ipc.open_stream(file) as stream:

@@ -19,7 +19,7 @@ from joshua_dataset.reader import Dataset, Episode
 #: Points of a curve on the page; longer episodes are thinned.
 MOST_POINTS = 1500
 
-#: Codecs that every browser plays; others are encoded anew for the page.
+#: Codecs that every browser plays; others are encoded again for the page.
 PLAYABLE = ("h264",)
 
 
@@ -32,7 +32,7 @@ def write_page(folder: Path, page: Path, episodes: Sequence[int], scratch: Path)
 
     Args:
         episodes: whose curves and videos it shows, () for the first three; all are in the table.
-        scratch: folder for videos that are encoded anew.
+        scratch: folder for videos that are encoded again.
 
     Raises:
         DatasetError: the data set cannot be read.

@@ -66,7 +66,7 @@ class Target(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Completes what was written; idempotent."""
+        """Completes what was written. Idempotent."""
 
     def drop(self) -> None:
         """Removes everything, complete or not."""
@@ -109,7 +109,7 @@ class Video(Target):
     def add(self, picture: Picture) -> None:
         """See ``Target``."""
         if not self._started:
-            # by itself, because PyAV crashes when it goes on after a header that the disk has refused
+            # by itself, because PyAV crashes when it continues after a header that the disk has refused
             self._container.start_encoding()
             self._started = True
         frame: Any = av.VideoFrame.from_ndarray(picture, format="rgb24")

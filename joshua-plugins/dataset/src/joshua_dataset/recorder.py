@@ -1,4 +1,4 @@
-"""Records what a robot shows and does, aligned by acquisition time, while the robot goes on.
+"""Records what a robot shows and does, aligned by acquisition time, while the robot continues.
 
 Transport threads only hand messages to the aligner. The node's timer takes complete frames from it. A thread
 of its own converts and writes them, and each camera has an encoder thread. A writer that falls behind ends
@@ -214,7 +214,7 @@ class Recorder:
 
     @verb(moves=False, runs="beside")
     def rerecord(self) -> str:
-        """Discard the episode and record it anew."""
+        """Discard the episode and record it again."""
         with self._lock:
             steps = self._session.rerecord(time.monotonic())
             self._phase_began_s = time.monotonic()
@@ -480,7 +480,7 @@ class Recorder:
             self._lose(error)
 
     def _lose(self, error: EpisodeError, *, was_kept: bool = False) -> None:
-        """An episode that cannot be written is discarded; the robot goes on."""
+        """An episode that cannot be written is discarded; the robot continues."""
         with self._lock:
             self._session.lost(was_kept=was_kept)
             self._sampler, self._lost = None, True

@@ -22,7 +22,7 @@ from joshua_dataset.writer import DatasetWriter
 
 
 def repair(folder: Path, *, cut: bool = False) -> str:
-    """Bring a data set in order after a kill or a power cut; idempotent.
+    """Bring a data set in order after a kill or a power cut. Idempotent.
 
     Args:
         folder: of the data set; cut: discard the unfinished episode in place of completing it.

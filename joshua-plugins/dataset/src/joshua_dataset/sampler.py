@@ -30,7 +30,7 @@ class Sampler:
         counts: frames that lacked a value, by ``COUNTERS``.
         missing: features that the newest frame lacks.
         failed: the policy discards the episode; says why.
-        over: the episode cannot go on; says why.
+        over: the episode cannot continue; says why.
     """
 
     def __init__(self, streams: Collection[Stream], settings: StoreSettings, now_ns: int) -> None:

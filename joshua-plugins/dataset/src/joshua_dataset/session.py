@@ -45,7 +45,7 @@ class Session:
     task: int = 0
     kept: int = 0
     until_s: float = 0.0
-    """End of the phase; 0 where it has none."""
+    """End of the phase; 0 if it has none."""
     is_over: bool = False
     """Whether the run ends."""
 
@@ -98,7 +98,7 @@ class Session:
         return [*ending, Step.DISCARD]
 
     def rerecord(self, now_s: float) -> list[Step]:
-        """Discard the episode and start it anew. Raises RefusedError."""
+        """Discard the episode and start it again. Raises RefusedError."""
         return self.discard(now_s) + self._begin(now_s)
 
     def next_task(self) -> None:

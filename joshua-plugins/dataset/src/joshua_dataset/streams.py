@@ -41,7 +41,7 @@ class RecorderStatus:
 
     Attributes:
         phase: of the session; episode: number of the next or open episode; kept: episodes of this run.
-        frames: of the open episode; elapsed_s, remaining_s: of the phase, remaining_s 0 where it has no end.
+        frames: of the open episode; elapsed_s, remaining_s: of the phase, remaining_s 0 if it has no end.
         rates_hz: of each topic; delays_s: shortest time from acquisition to reception, by feature; below 0
             the clock of the publishing host is ahead of this one.
         worst_alignment_s: largest distance of a value from its frame.
@@ -72,7 +72,7 @@ class RecorderStatus:
 
 @dataclass
 class Task:
-    """What the user is asked to show; empty goes on to the next task of the file."""
+    """What the user is asked to show; empty continues to the next task of the file."""
 
     text: str = ""
 

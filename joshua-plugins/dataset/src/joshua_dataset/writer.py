@@ -208,7 +208,7 @@ class DatasetWriter(EpisodeWriter):
         return list(self._open.encoders.values()) if self._open is not None else []
 
     def _found(self) -> bool:
-        """Whether there is something to append to. Raises EpisodeError where it may not be, and OSError."""
+        """Whether there is something to append to. Raises EpisodeError if it may not be, and OSError."""
         folder = self.layout.folder
         found = folder.exists() and any(path.name != PRIVATE for path in folder.iterdir())
         if found and not self.layout.resume:
@@ -227,7 +227,7 @@ class DatasetWriter(EpisodeWriter):
             )
 
     def _readable(self) -> Dataset:
-        """The data set that exists. Raises EpisodeError where it cannot be appended to."""
+        """The data set that exists. Raises EpisodeError if it cannot be appended to."""
         layout = self.layout
         try:
             there = Dataset.read(layout.folder)

@@ -121,7 +121,7 @@ class Graph:
         return sorted(found, key=lambda node: (node.namespace, node.name))
 
     def owner(self, publisher_gid: bytes) -> str:
-        """Full name of the node that owns a writer; "" where no announcement names it."""
+        """Full name of the node that owns a writer; "" if no announcement names it."""
         with self._lock:
             self._take_announcements()
             announced = [entry for entries in self._others.values() for entry in entries]

@@ -1,4 +1,4 @@
-"""What this distribution provides to the host."""
+"""Declares the plugins of this distribution."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def keeps_until_taken(qos: QosProfile, type_name: str) -> bool:
     """Whether a writer drops its newest message, not its oldest, when a reader does not keep up.
 
     A writer that replaces a message of which a reader has some fragments leaves a gap. Readers of Fast DDS
-    2.14 can spin on that gap for ever, at 100 % of a processor (tests/ros).
+    2.14 can spin on that gap indefinitely, at 100 % of a processor (tests/ros).
     """
     return type_name in _IN_FRAGMENTS and qos.reliability == "RELIABLE" and qos.history != "KEEP_ALL"
 
@@ -91,7 +91,7 @@ def read_qos(qos: Qos) -> QosProfile:
 
 
 def read_type_hash(qos: Qos) -> str:
-    """The type hash in the user data of an endpoint; "" where it has none."""
+    """The type hash in the user data of an endpoint; "" if it has none."""
     data = qos[Policy.Userdata]
     if data is None:
         return HASH_UNSUPPORTED if distro() == "humble" else ""

@@ -28,7 +28,7 @@ _assert_liveliness.restype = ctypes.c_int32
 
 
 def write(writer: Entity, cdr: Any) -> bool:
-    """Writes a serialised sample; returns False where the readers must catch up first.
+    """Writes a serialised sample; returns False if the readers must catch up first.
 
     Raises:
         TransportError: the payload does not fit the type.
@@ -46,7 +46,7 @@ def write(writer: Entity, cdr: Any) -> bool:
 
 
 def delete(entity: Entity) -> None:
-    """Deletes an entity now, instead of when the last reference goes; a second call does nothing."""
+    """Deletes an entity now, instead of when the last reference goes. Idempotent."""
     entity.__del__()
 
 

@@ -97,7 +97,7 @@ class Taker:
         self._arguments = (ctypes.byref(self._sample), 1, ctypes.byref(self._info), _ANY)
 
     def take(self) -> Taken | None:
-        """Takes the oldest sample; None where there is none.
+        """Takes the oldest sample; None if there is none.
 
         Raises:
             DDSException: the reader is gone.

@@ -51,11 +51,11 @@ class DynamixelActuator(ServoArm):
         return Bus(port)
 
     def inspect(self) -> list[ServoSetup]:
-        """Checks the servos on the open bus and reads what their EEPROM says, in joint order."""
+        """Checks the servos on the open bus and reads their EEPROM, in joint order."""
         return inspect(self._bus, self.settings)
 
     def calibration_target(self) -> DynamixelCalibrationTarget:
-        """The servos as a calibration sees them: positions without torque, and their EEPROM."""
+        """The calibration target for the servos: positions without torque, and their EEPROM."""
         from joshua_dynamixel.calibration_target import DynamixelCalibrationTarget
 
         return DynamixelCalibrationTarget(self.settings)

@@ -92,7 +92,7 @@ class Bus(ServoBus):
         return request(servo_id, WRITE, word(address) + data)
 
     def ping_request(self, servo_id: int) -> bytes:
-        """Packet that asks whether a servo is there."""
+        """Packet that pings a servo."""
         return request(servo_id, PING)
 
     def ping_length(self) -> int:
@@ -124,7 +124,7 @@ class Bus(ServoBus):
         return REFUSALS.get(error & ~ALERT, "")
 
     def take_all(self, received: bytes, size: int, ids: Sequence[int]) -> dict[int, bytes] | None:
-        """Every reply of a sync read whole and in its place; None where anything is amiss, or stuffed."""
+        """Every reply of a sync read, complete and in place; None otherwise, or stuffed."""
         step = size + REPLY_OVERHEAD
         if len(received) != step * len(ids):
             return None

@@ -1,4 +1,4 @@
-"""Dynamixel buses outside a run: which servos are there, and giving one its id and line speed."""
+"""Dynamixel buses outside a run: find servos, and assign id and line speed to one."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class DynamixelBusTools(ServoBusTools):
     )
 
     def read_motor(self, bus: ServoBus, servo_id: int) -> FoundMotor:
-        """Reads what a servo says of itself. Raises NoReply and PortDisconnected."""
+        """Reads the data of a servo. Raises NoReply and PortDisconnected."""
         blocks = {address: bus.read_block(servo_id, address, length) for address, length in SETUP}
         feedback = parse_feedback(bus.read_block(servo_id, *FEEDBACK))
 

@@ -1,4 +1,4 @@
-"""The servos as a calibration sees them: encoder positions without torque, and their EEPROM."""
+"""The calibration target for the servos: encoder positions without torque, and their EEPROM."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class DynamixelCalibrationTarget(ServoCalibrationTarget):
         return self._settings.models_by_id
 
     def read_setups(self) -> Sequence[ServoSetup]:
-        """Reads the EEPROM of all servos. Raises MotorCheckFailed where one works in another way."""
+        """Reads the EEPROM of all servos. Raises MotorCheckFailed if one has another working mode."""
         self._setups = {setup.servo_id: setup for setup in read_setups(self._bus, self._settings.motor_ids)}
         return list(self._setups.values())
 

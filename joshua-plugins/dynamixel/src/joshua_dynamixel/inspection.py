@@ -1,4 +1,4 @@
-"""Opening an arm: motor check, and what the servos' EEPROM says against the calibration."""
+"""Opening an arm: motor check, and comparison of the servos' EEPROM with the calibration."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ NO_LIMIT = 1 << 30  # ticks; servos that count turns hold no position limits
 
 
 def inspect(bus: Bus, settings: DynamixelSettings) -> list[ServoSetup]:
-    """Checks motors, working mode and calibration of an open bus; writes nothing.
+    """Checks motors, working mode and calibration of an open bus, without writing.
 
     Raises:
-        MotorCheckFailed: a motor is missing, of another model, or set up for something else.
+        MotorCheckFailed: a motor is missing, of another model, or has other settings.
         CalibrationMismatch: the calibration is not that of these servos.
-        DeviceDisconnected: a servo or the port went away meanwhile.
+        DeviceDisconnected: a servo or the port was disconnected meanwhile.
     """
     bus.detect_echo()
     check_motors(bus, settings.models_by_id)
@@ -48,7 +48,7 @@ def inspect(bus: Bus, settings: DynamixelSettings) -> list[ServoSetup]:
 
 
 def read_setups(bus: Bus, ids: Sequence[int]) -> list[ServoSetup]:
-    """Reads the EEPROM of all servos. Raises MotorCheckFailed where one works in another way."""
+    """Reads the EEPROM of all servos. Raises MotorCheckFailed if one has another working mode."""
     blocks = bus.read_setups(ids)
     missing = [servo_id for servo_id in ids if servo_id not in blocks]
     if missing:

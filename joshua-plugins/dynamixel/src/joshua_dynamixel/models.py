@@ -14,7 +14,7 @@ class Model:
     Attributes:
         number: model number.
         rpm: no-load speed; stall_a: current at stall.
-        current_unit_a: unit of the current register, 0 where the servo measures a load instead.
+        current_unit_a: unit of the current register, 0 if the servo measures a load instead.
     """
 
     name: str

@@ -82,7 +82,7 @@ class Search:
         self.rest = b""
 
     def feed(self, data: bytes) -> Iterator[Reply]:
-        """Adds bytes; yields each complete reply, skipping noise and instruction packets."""
+        """Adds bytes. Yields each complete reply, skipping noise and instruction packets."""
         buffer = self.rest + data
         at = 0
         while True:

@@ -1,4 +1,4 @@
-"""Brings an arm into its safe state without its driver: what a guardian runs. Light to import."""
+"""Brings an arm into its safe state without its driver: the action of the guardian. Light to import."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from joshua_dynamixel.family import X_SERIES
 
 
 class DynamixelStopRequest(ServoStopRequest):
-    """What is to be done to which servos of this family."""
+    """The safe stop of servos of this family."""
 
     family = X_SERIES
     make_bus = Bus

@@ -37,7 +37,7 @@ class DynamixelJoint(ServoJoint):
 
 
 class DynamixelSettings(ServoSettings):
-    """What the driver is set to. Ticks stay ticks here: the servo counts in them.
+    """Settings of the driver. Positions stay in ticks, the unit of the servo.
 
     Attributes:
         models: names of the models, one for each id or one for all.

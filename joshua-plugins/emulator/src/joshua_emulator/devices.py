@@ -184,7 +184,7 @@ class HubEmulator(ProcessEmulator):
 
     def make_process(self, block: Any, folder: Path) -> EmulatedHub:
         """Makes the hub with the name and the ports of the block."""
-        del folder  # a hub's program is uploaded anew after each power cycle
+        del folder  # a hub's program is uploaded again after each power cycle
         return EmulatedHub(
             list(block.port_names),
             name=block.comm.ble.device_name,

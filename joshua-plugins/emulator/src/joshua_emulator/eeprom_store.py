@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 class EepromStoreError(Exception):
-    """The file is not one that the emulator wrote; the message says what to do."""
+    """The file is not one that the emulator wrote. The message says what to do."""
 
 
 class EepromStore:
@@ -43,7 +43,7 @@ class EepromStore:
         self._images = images
 
     def image(self, slot: int | str) -> bytes | None:
-        """The stored EEPROM of one slot, or None where none is stored."""
+        """The stored EEPROM of one slot, or None if none is stored."""
         image = self._images.get(str(slot))
         return None if image is None else bytes.fromhex(image)
 

@@ -26,11 +26,11 @@ FAULT_REFUSED = 3
 
 
 class EmulatorError(Exception):
-    """The emulator did not start, refused a request or is gone; the message says which and why."""
+    """The emulator did not start, refused a request or is gone. The message says which and why."""
 
 
 class FaultRefused(EmulatorError):
-    """The emulator does not know a fault, or not with this value; the message lists what is allowed."""
+    """The emulator does not know a fault, or not with this value. The message lists what is allowed."""
 
 
 class EmulatorProcess:
@@ -95,7 +95,7 @@ class EmulatorProcess:
         self.ready = json.loads(line)
 
     def close(self) -> None:
-        """Stops the process and removes its folder; a second call does nothing."""
+        """Stops the process and removes its folder. Idempotent."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
@@ -137,7 +137,7 @@ class EmulatorProcess:
         return list(self.ask("log", since=since, events=events)["entries"])
 
     def fault(self, kind: str, value: float | None = None, **settings: Any) -> None:
-        """Brings a fault about, such as ``fault("silent", 3)`` or ``fault("drop", 0.01)``."""
+        """Injects a fault, such as ``fault("silent", 3)`` or ``fault("drop", 0.01)``."""
         self.ask("fault", kind=kind, **({} if value is None else {"value": value}), **settings)
 
     def wait_for(self, events: Iterable[str], *, since: int = 0, timeout_s: float = 60.0) -> dict[str, Any]:

@@ -50,10 +50,10 @@ class FaultRule:
     """What one fault takes.
 
     Attributes:
-        value: what stands behind the equals sign; None where nothing does.
+        value: what stands behind the equals sign; None if nothing does.
         optional: the value may be left out.
         settings: what may follow by name, ``at_s`` aside.
-        unfit: why this device cannot have the fault; "" where it can.
+        unfit: why this device cannot have the fault; "" if it can.
     """
 
     value: Number | Text | None = None
@@ -84,7 +84,7 @@ def check_fault(
         rules: by kind of fault; when: what every fault may wait for, ``at_s`` aside.
 
     Raises:
-        ControlError: the fault does not exist or does not fit; the message says what is allowed.
+        ControlError: the fault does not exist or does not fit. The message says what is allowed.
     """
     kind = request["kind"]
     if kind not in rules:

@@ -10,7 +10,7 @@ LATE_BY_S = 0.02  # how late a late reply is where the fault does not say
 
 
 class FaultError(ValueError):
-    """A fault that does not exist or has a wrong value; the message lists what is allowed."""
+    """A fault that does not exist or has a wrong value. The message lists what is allowed."""
 
 
 class Faults:
@@ -57,7 +57,7 @@ class Faults:
         return self._draw("drop_request")
 
     def disturb(self, data: bytes) -> tuple[bytes, float] | None:
-        """Draws what happens to a reply: None where it is lost, else its bytes and its delay in seconds."""
+        """Draws what happens to a reply: None if it is lost, else its bytes and its delay in seconds."""
         if self._draw("drop"):
             return None
         if self._draw("corrupt"):

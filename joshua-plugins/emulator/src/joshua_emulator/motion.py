@@ -20,7 +20,7 @@ Trajectory = Callable[[float], float]  # seconds since the start to radians abou
 
 
 class MotionError(ValueError):
-    """A motion that cannot be played; the message says why and what is allowed."""
+    """A motion that cannot be played. The message says why and what is allowed."""
 
 
 def sine(values: Mapping[str, Any], joints: Sequence[str]) -> dict[int, Trajectory]:

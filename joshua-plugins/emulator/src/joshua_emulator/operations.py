@@ -1,4 +1,4 @@
-"""What the control channel can ask of every emulated device: its log, and its faults, now or later."""
+"""Operations of the control channel for every emulated device: its log, and its faults, now or later."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class DeviceOperations(ABC):
 
     @abstractmethod
     def fault_action(self, kind: str, request: Request) -> Action:
-        """What brings about a fault that fits its rule. Raises ControlError where it is refused."""
+        """The action that injects a valid fault. Raises ControlError if it is refused."""
 
     def handle(self, request: Request) -> dict[str, Any]:
         """Carries out one request. Raises ControlError."""
@@ -72,7 +72,7 @@ class DeviceOperations(ABC):
         return {"entries": entries}
 
     def fault(self, request: Request) -> None:
-        """Brings a fault about: ``kind``, its ``value`` and settings, ``at_s`` seconds from now on."""
+        """Injects a fault: ``kind``, its ``value`` and settings, ``at_s`` seconds from now on."""
         check_fault(request, self._rules, self.when)
         action = self.fault_action(request["kind"], request)
         delay_s = float(request.get("at_s", 0.0))

@@ -108,7 +108,7 @@ class PhysicsLink:
         self._link = link
 
     def _join(self, link: socket.socket) -> None:
-        """Takes the answer to the introduction; the bus goes on while it is on its way."""
+        """Takes the answer to the introduction; the bus continues while it is on its way."""
         try:
             answer = json.loads(link.recv(4096))
             self._middle_rad = [float(value) for value in answer["middle_rad"]]

@@ -1,4 +1,4 @@
-"""What the control channel can ask of an emulated device at a serial line."""
+"""Operations of the control channel for an emulated device at a serial line."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class SensorOperations(StationOperations):
         self.makers: dict[str, Callable[[Request], Action]] = {}
 
     def fault_action(self, kind: str, request: Request) -> Action:
-        """What brings about a fault that fits its rule."""
+        """The action that injects a valid fault."""
         if kind in LineFaults.KINDS:
             value = request["value"]
             return lambda: self._faults.set(kind, value)

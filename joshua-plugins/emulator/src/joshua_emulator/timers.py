@@ -29,7 +29,7 @@ class Timers:
 
     @property
     def next_s(self) -> float:
-        """When the next action is due; inf where there is none."""
+        """When the next action is due; inf if there is none."""
         return self._entries[0][0] if self._entries else float("inf")
 
 

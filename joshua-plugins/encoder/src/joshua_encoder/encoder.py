@@ -22,7 +22,7 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 #: Damaged lines or answers as share of the counts above which a link is not in order.
 DAMAGED_SHARE = 0.01
 
-#: Counts that may wait for a reader; older ones are left out, the position goes on.
+#: Counts that may wait for a reader; older ones are left out, the position continues.
 _WAITING = 64
 
 
@@ -91,7 +91,7 @@ class SerialEncoder(Sensor):
 
         Raises:
             DeviceError: port or encoder is missing, busy, not allowed, silent, at another line speed or
-                address, or speaks another protocol; the message names port and remedy.
+                address, or speaks another protocol. The message names port and remedy.
             Cancelled: the run ends.
         """
         if self.connected:
@@ -172,7 +172,7 @@ class SerialEncoder(Sensor):
         )
 
     def disconnect(self) -> None:
-        """Close the port; idempotent."""
+        """Close the port. Idempotent."""
         self._source = None
         self._port.close()
         self._ready.clear()

@@ -134,7 +134,7 @@ class LineSource(Source):
             step = 1 if self._time_us is None else (count.time_us - self._time_us) % _MICROSECONDS
             if step == 0:
                 return  # a line that was sent twice says nothing new
-            if self._time_us is None or step > _MICROSECONDS // 2:  # its clock began anew
+            if self._time_us is None or step > _MICROSECONDS // 2:  # its clock began again
                 self._time_us = count.time_us
             else:
                 self._time_us += step

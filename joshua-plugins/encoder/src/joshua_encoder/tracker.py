@@ -1,4 +1,4 @@
-"""From counts to a position that goes on over any number of turns, and a velocity."""
+"""From counts to a position that continues over any number of turns, and a velocity."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Tracker:
         self._recent.clear()
 
     def add(self, count: int, time_ns: int) -> None:
-        """Take a count and its time, of any clock that goes on.
+        """Take a count and its time, of any clock that continues.
 
         An encoder that starts again after ``modulus`` counts is taken to have gone the shorter way, so it
         must be read more than twice while it passes them all.
@@ -57,7 +57,7 @@ class Tracker:
             self.ticks += (count - self._last + half) % self._modulus - half
         self._last = count
         if self._recent and time_ns <= self._recent[-1][0]:
-            self._recent.clear()  # the clock of the sender began anew
+            self._recent.clear()  # the clock of the sender began again
         self._recent.append((time_ns, self.ticks))
         while len(self._recent) > 2 and time_ns - self._recent[1][0] >= VELOCITY_WINDOW_NS:
             self._recent.popleft()

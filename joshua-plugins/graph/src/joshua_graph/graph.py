@@ -196,7 +196,7 @@ def _wait_for(kind: str, name: str, transport: Transport, wait_s: float) -> list
     """Wait for a topic or node; returns the graph a moment later, so that the rest of it is known as well.
 
     Raises:
-        GraphError: it did not appear; the message names the nearest.
+        GraphError: it did not appear. The message names the nearest.
     """
 
     def names_of(nodes: Sequence[NodeInfo]) -> list[str]:
@@ -239,7 +239,7 @@ def type_name(text: str) -> str:
     """The ROS 2 type of a ROS 2 name, or of a DataType such as ``JOINT_STATE``.
 
     Raises:
-        MessageError: there is no such type; the message names the nearest.
+        MessageError: there is no such type. The message names the nearest.
     """
     from joshua.api.schema import data_types
     from joshua.messages import MessageError

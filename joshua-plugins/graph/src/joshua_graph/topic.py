@@ -40,7 +40,7 @@ _ECHO_DEPTH = 100
 #: Received messages that wait to be printed, at most; the oldest are dropped.
 _WAITING = 1000
 _TICK_S = 0.1
-#: How long a command that ends after some messages waits for one; a topic may stay silent for ever.
+#: How long a command that ends after some messages waits for one; a topic may stay silent indefinitely.
 _BOUNDED_WAIT_S = 10.0
 _HZ_DEPTH = 1000
 _HZ_PERIOD_S = 1.0
@@ -105,7 +105,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the chosen action; Ctrl-C is how a user ends one that goes on."""
+    """Run the chosen action; Ctrl-C is how a user ends one that continues."""
     try:
         return run_graph_command(arguments)
     except KeyboardInterrupt:
@@ -241,7 +241,7 @@ def pub(arguments: argparse.Namespace) -> int:
             _wait_for_subscription(publisher, topic, arguments.wait)
         next_s, sent = time.monotonic(), 0
         while count is None or sent < count:
-            # stamps that are «now» are made anew for each message
+            # stamps that are "now" are made again for each message
             publisher.publish(encode(build(chosen, values)))
             sent += 1
             sys.stdout.write(f"published {chosen} on {topic}: {sent}\n")
@@ -329,7 +329,7 @@ def arrivals(
             yield arrival
         except queue.Empty:
             publishers.look()
-            silent_s += _TICK_S  # not by the clock, which goes on while this program is stopped
+            silent_s += _TICK_S  # not by the clock, which continues while this program is stopped
             if timeout_s is not None and silent_s >= timeout_s:
                 raise GraphError(
                     f"no message received on {topic} within {timeout_s:g} s: {publishers.state}. Wait longer "

@@ -164,7 +164,7 @@ class InferenceNode(NodeBehaviour):
             raise RefusedError(f"{name} has already loaded its model: unload it first")
         try:
             model = self._loaded()
-        except Exception as error:  # a plugin's code; the node goes on without a model
+        except Exception as error:  # a plugin's code; the node continues without a model
             kind = "" if isinstance(error, (NodeError, ModelError)) else f"{type(error).__name__}: "
             raise RefusedError(f"{name}: the model was not loaded: {kind}{error}") from error
         if self.context.stopping:
@@ -365,7 +365,7 @@ class InferenceNode(NodeBehaviour):
             model.reset()
 
     def _intervened(self, topic: str, message: Any, received_ns: int) -> None:
-        """A person takes over, or gives control back: the model then begins anew."""
+        """A person takes over, or gives control back: the model then begins again."""
         del received_ns
         if bool(message.data) is (topic in self._taken_over):
             return

@@ -31,7 +31,7 @@ class RandomNoise(Model):
         self._generator = np.random.default_rng(self.settings.seed)
 
     def reset(self) -> None:
-        """Starts the sequence of actions anew."""
+        """Starts the sequence of actions again."""
         self.load()
 
     def act(self, observation: Observation) -> FloatArray:
@@ -44,5 +44,5 @@ class RandomNoise(Model):
         return np.clip(noise, self.joints.position_min_rad, self.joints.position_max_rad)
 
     def close(self) -> None:
-        """Forgets the generator; a second call does nothing."""
+        """Forgets the generator. Idempotent."""
         self._generator = None

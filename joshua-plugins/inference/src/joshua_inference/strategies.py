@@ -153,7 +153,7 @@ class Output:
         self.forget()
 
     def forget(self) -> None:
-        """Begins anew: the actuator itself approaches what is published next."""
+        """Begins again: the actuator itself approaches what is published next."""
         self.last: FloatArray | None = None
         self._due: FloatArray | None = None
         self._velocity: FloatArray | float = 0.0

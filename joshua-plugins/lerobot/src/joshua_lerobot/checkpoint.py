@@ -71,9 +71,9 @@ class Checkpoint:
         folder: that holds the files; type: of the policy, such as ``act``; config: of config.json.
         inputs, outputs: features of the policy.
         statistics: of each feature by name, such as ``mean``, flattened.
-        norms: how each feature is normalised, such as ``MEAN_STD``; "" where nothing says so.
-        dataset: features of the data set that it was trained on, in its units; None where nothing is known.
-        fps: frames per second of that data set; 0 where nothing is known.
+        norms: how each feature is normalised, such as ``MEAN_STD``; "" if nothing says so.
+        dataset: features of the data set that it was trained on, in its units; None if nothing is known.
+        fps: frames per second of that data set; 0 if nothing is known.
     """
 
     folder: Path
@@ -92,7 +92,7 @@ class Checkpoint:
         return tuple(item for item in self.inputs if item.kind == "VISUAL")
 
     def size(self, key: str) -> int:
-        """Length of the state or the action; 0 where it has none."""
+        """Length of the state or the action; 0 if it has none."""
         return next((item.shape[0] for item in (*self.inputs, *self.outputs) if item.key == key), 0)
 
     def described(self, key: str) -> tuple[tuple[str, ...], str]:
@@ -294,7 +294,7 @@ def _trained_on(folder: Path) -> dict[str, Any]:
 
 
 def extent(checkpoint: Checkpoint) -> float:
-    """Largest position of a joint in the statistics of state and action; 0 where there are none."""
+    """Largest position of a joint in the statistics of state and action; 0 if there are none."""
     found = [0.0]
     for key in (STATE, ACTION):
         values = checkpoint.statistics.get(key, {})

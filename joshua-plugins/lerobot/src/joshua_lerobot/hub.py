@@ -26,7 +26,7 @@ def is_hub_id(weights: str) -> bool:
 
 
 def cached(name: str, revision: str = "") -> Path | None:
-    """The folder of a checkpoint that was downloaded before; None where there is none."""
+    """The folder of a checkpoint that was downloaded before; None if there is none."""
     home = os.environ.get("HF_HOME") or os.path.join(  # noqa: PTH118
         os.environ.get("XDG_CACHE_HOME") or "~/.cache", "huggingface"
     )
@@ -81,7 +81,7 @@ def fetch_language_model(checkpoint: Checkpoint) -> None:
 
 
 def _look_for_pickles(name: str, revision: str) -> None:
-    """Raises CheckpointError where the weights on the hub are pickled: they were not downloaded."""
+    """Raises CheckpointError if the weights on the hub are pickled: they were not downloaded."""
     from huggingface_hub import HfApi
 
     try:

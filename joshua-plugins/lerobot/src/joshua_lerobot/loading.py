@@ -172,7 +172,7 @@ def _config(checkpoint: Checkpoint, settings: PolicySettings, device: Any) -> An
 
 
 def inner_folder(checkpoint: Checkpoint) -> Path | None:
-    """The folder of the language model's description inside the checkpoint; None where it is elsewhere."""
+    """The folder of the language model's description inside the checkpoint; None if it is elsewhere."""
     name = str(checkpoint.config.get("vlm_model_name") or "")
     place = checkpoint.folder / name
     return place if name and not Path(name).is_absolute() and (place / "config.json").is_file() else None

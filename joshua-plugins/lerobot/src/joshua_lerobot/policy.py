@@ -92,7 +92,7 @@ class LeRobotModel(Model):
         return self._guarded(lambda loaded, kind: self._continued(loaded, observation, request))
 
     def close(self) -> None:
-        """Frees the policy; a second call does nothing."""
+        """Frees the policy. Idempotent."""
         loaded, self._loaded = self._loaded, None
         if loaded is not None and loaded.device.type == "cuda":
             import torch

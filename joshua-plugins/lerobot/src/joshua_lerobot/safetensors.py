@@ -16,7 +16,7 @@ _FORMATS = {"F64": "d", "F32": "f", "F16": "e", "I64": "q", "I32": "i", "I16": "
 
 
 class TornFileError(Exception):
-    """A file is no safetensors file, or a part of it is missing; the message says which."""
+    """A file is no safetensors file, or a part of it is missing. The message says which."""
 
 
 @dataclass(frozen=True)

@@ -205,7 +205,7 @@ class PolicySettings(ModelSettings):
         )
 
     def unit_of(self, checkpoint: Checkpoint) -> str:
-        """Unit of the joints in a checkpoint. Raises FieldError where the file says another one.
+        """Unit of the joints in a checkpoint. Raises FieldError if the file says another one.
 
         What its data set says; else radians for networks trained here and where the statistics stay within a
         turn, else LeRobot's.

@@ -120,8 +120,8 @@ class SerialLidar(Sensor):
         """Open the port, find the scanner, start its motor and wait for the first whole turn.
 
         Raises:
-            DeviceError: port or scanner is missing, busy, not allowed, another one, at another line speed,
-                or does not turn; the message names port and remedy. The motor is off then.
+            DeviceError: port or scanner is missing, busy, not allowed, another one, at another line speed, or
+                does not turn. The message names port and remedy. The motor is off then.
             Cancelled: the run ends; the motor is off then, too.
         """
         if self.connected:
@@ -210,7 +210,7 @@ class SerialLidar(Sensor):
         )
 
     def disconnect(self) -> None:
-        """Stop the motor and close the port; idempotent."""
+        """Stop the motor and close the port. Idempotent."""
         self._parser = None
         if self._link is not None and self._port.is_open:
             self._link.stop()

@@ -54,7 +54,7 @@ class MotorWatch:
         return self._process.pid
 
     def close(self) -> None:
-        """Let the process end without doing anything; idempotent."""
+        """Let the process end without doing anything. Idempotent."""
         if self._process.stdin is None or self._process.stdin.closed:
             return
         self._send(_DONE)

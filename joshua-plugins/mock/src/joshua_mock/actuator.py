@@ -105,7 +105,7 @@ class MockActuator(Actuator):
         return dict.fromkeys(self.joint_names, self._energised)
 
     def disconnect(self) -> None:
-        """Ends the simulation; idempotent."""
+        """Ends the simulation. Idempotent."""
         self._connected = self._energised = False
         self._motion = None
 

@@ -48,7 +48,7 @@ class MovingPattern:
 
 
 def frame_number(pixels: Pixels) -> int | None:
-    """Reads the frame number out of a picture of shape (H, W) or (H, W, C); None where there is none."""
+    """Reads the frame number out of a picture of shape (H, W) or (H, W, C); None if there is none."""
     height, width = pixels.shape[:2]
     if width < _COLUMNS or height < _COLUMNS:
         return None

@@ -99,7 +99,7 @@ class FreeRunningSensor(Sensor):
         return None if tick is None else Reading(tick[1], tick[0], self.acquire(*tick))
 
     def disconnect(self) -> None:
-        """Stops the sensor; idempotent."""
+        """Stops the sensor. Idempotent."""
         self._clock = None
 
 

@@ -130,7 +130,7 @@ class SimActuator(Actuator):
             return dict.fromkeys(self.joint_names, self._goal is not None)
 
     def disconnect(self) -> None:
-        """Leaves the simulation, with the drives as they are; a second call does nothing."""
+        """Leaves the simulation, with the drives as they are. Idempotent."""
         world, self._world = self._world, None
         if world is None:
             return

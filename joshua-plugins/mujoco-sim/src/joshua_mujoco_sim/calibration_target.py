@@ -96,7 +96,7 @@ class SimCalibrationTarget(CalibrationTarget):
         world.start()
 
     def disconnect(self) -> None:
-        """Leaves the physics; a second call does nothing."""
+        """Leaves the physics. Idempotent."""
         world, self._world = self._world, None
         if world is None:
             return

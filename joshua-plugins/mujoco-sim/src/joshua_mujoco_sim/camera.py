@@ -117,7 +117,7 @@ class SimCamera(Sensor):
         return image(reading.data, frame_id=frame_id, at_ns=reading.stamp_ns)
 
     def disconnect(self) -> None:
-        """Leaves the simulation; a second call does nothing."""
+        """Leaves the simulation. Idempotent."""
         world, self._world = self._world, None
         if world is None:
             return
@@ -165,7 +165,7 @@ class SimCamera(Sensor):
     def _watch(self, physics: Physics) -> None:
         """Takes in a frame at its very simulated time, or as soon as the one before it is drawn.
 
-        A reset of the time starts anew.
+        A reset of the time starts again.
         """
         now_s = physics.time_s
         if now_s < self._last_time_s:

@@ -16,7 +16,7 @@ class PackagedModel:
     Attributes:
         name: what ``model_path`` takes, such as ``so_arm100/scene.xml``.
         summary: one line for people.
-        mjx: name of the variant that accelerators (MJX) accept; "" where there is none.
+        mjx: name of the variant that accelerators (MJX) accept; "" if there is none.
     """
 
     name: str
@@ -57,7 +57,7 @@ def packaged_names() -> tuple[str, ...]:
 
 
 def find_packaged(name: str) -> Path | None:
-    """The file of a packaged model; None where no model has that name."""
+    """The file of a packaged model; None if no model has that name."""
     return MODELS_FOLDER / name if name in packaged_names() else None
 
 

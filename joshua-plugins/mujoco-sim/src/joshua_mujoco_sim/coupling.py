@@ -66,7 +66,7 @@ class CouplingServer:
         threading.Thread(target=self._accept, name="coupling", daemon=True).start()
 
     def close(self) -> None:
-        """Ends all connections; a second call does nothing."""
+        """Ends all connections. Idempotent."""
         self._closed = True
         for link in (self._listener, *self._connections):
             with contextlib.suppress(OSError):
@@ -132,7 +132,7 @@ class CouplingServer:
             raise ModelError(
                 f"the model has no camera named {hello['camera']!r}; it has {', '.join(known) or 'none'}"
             )
-        with self._opening:  # each widens the buffers of the model; time goes on meanwhile
+        with self._opening:  # each widens the buffers of the model; time continues meanwhile
             return CameraRenderer(model, hello["camera"], width, height, shadows=self._world.settings.shadows)
 
     def _serve_camera(self, link: socket.socket, renderer: CameraRenderer) -> None:

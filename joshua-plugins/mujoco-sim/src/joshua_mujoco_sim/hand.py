@@ -18,7 +18,8 @@ from joshua_mujoco_sim.physics import ActuatorGroup, FloatArray, Physics
 STIFFNESS_PER_S2 = 10_000.0
 DAMPING_PER_S = 200.0
 
-#: How far the hand goes on from one look at the joints to the next: less than it rests at an end of a range.
+#: How far the hand continues from one look at the joints to the next: less than it rests at an end of a
+#: range.
 LOOK_S = 0.02
 
 #: Largest acceleration, which bounds the force at a stop or an obstacle.
@@ -28,7 +29,7 @@ ACCELERATION_RAD_S2 = 5_000.0
 class Hand:
     """Moves all joints of a group; those without a path are held where they were.
 
-    Whoever calibrates must see every part of the way: the hand goes on only as fast as somebody looks.
+    Whoever calibrates must see every part of the way: the hand continues only as fast as somebody looks.
 
     Args:
         physics: the model; group: the joints.

@@ -62,7 +62,7 @@ def facts_of(simulation: Mapping[str, Any]) -> ModelFacts:
 
 @lru_cache(maxsize=8)
 def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...]) -> ModelFacts:
-    """Compiles a model for what it has. Raises FieldError where it is missing or malformed."""
+    """Compiles a model for what it has. Raises FieldError if it is missing or malformed."""
     try:
         check_variable()
     except RenderingError as error:

@@ -125,7 +125,7 @@ class Physics:
         self.check()
 
     def check(self) -> None:
-        """Raises DivergenceError where a speed is not finite or absurd, as it is after any bad state."""
+        """Raises DivergenceError if a speed is not finite or absurd, as it is after any bad state."""
         speed = self._speed
         np.abs(self.data.qvel, out=speed)
         if not speed.max(initial=0.0) < VELOCITY_LIMIT_RAD_S:  # also where it is NaN

@@ -67,7 +67,7 @@ class VideoWriter(PictureWriter):
         # one thread, so that the same pictures give the same bytes
         self._stream.options = {"preset": "veryfast", "crf": "20", "threads": "1"}
         try:
-            # Now, because PyAV crashes when it goes on after a header that the disk has refused.
+            # Now, because PyAV crashes when it continues after a header that the disk has refused.
             self._container.start_encoding()
         except self._fault as error:
             raise OSError(f"{path}: {error}") from error

@@ -111,7 +111,7 @@ class CameraRenderer:
         return np.ascontiguousarray(self._pixels[::-1])  # OpenGL counts rows from below
 
     def close(self) -> None:
-        """Frees the OpenGL context; a second call does nothing."""
+        """Frees the OpenGL context. Idempotent."""
         gl, self._gl = self._gl, None
         if gl is not None:
             gl.make_current()

@@ -215,7 +215,7 @@ class SimActuatorSettings(ActuatorSettings):
     Attributes:
         actuators: names, in joint order; never empty.
         joint_ranges: name and limits of the joint of each in the model.
-        calibration: None where the joints count from the model's zero.
+        calibration: None if the joints count from the model's zero.
         motion, motion_amplitude_rad, motion_frequency_hz, motion_file: motion without torque.
     """
 

@@ -1,4 +1,4 @@
-"""How a seed varies a scene: joints, free things, lights and cameras, anew at each start."""
+"""How a seed varies a scene: joints, free things, lights and cameras, again at each start."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ _REMEDY = (
 
 
 class WindowError(Exception):
-    """No window can be opened; the message says why and what to do."""
+    """No window can be opened. The message says why and what to do."""
 
 
 def check_display() -> None:
@@ -94,7 +94,7 @@ class Window:
             self._handle.sync()
 
     def close(self) -> None:
-        """Closes the window; a second call does nothing."""
+        """Closes the window. Idempotent."""
         with contextlib.suppress(RuntimeError):  # the person was faster
             self._handle.close()
 

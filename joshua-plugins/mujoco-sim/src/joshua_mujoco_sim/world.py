@@ -23,7 +23,7 @@ from joshua_mujoco_sim.variation import Variation
 #: Shortest sleep of the stepping thread: bounds the delay between a command and its effect.
 TICK_S = 0.001
 
-#: Longest lag that is caught up; beyond it the clock is set anew, so that a stall causes no burst.
+#: Longest lag that is caught up; beyond it the clock is set again, so that a stall causes no burst.
 LARGEST_LAG_S = 0.1
 
 #: A model that cannot be simulated diverges after each reset, thousands of times.
@@ -88,7 +88,7 @@ class WorldSettings:
         model_path: packaged name or path; folder: where a relative path starts.
         keyframe: state to start at; "" for ``home``.
         real_time_factor: 1 for real time, 0 for as fast as possible.
-        reset_on_divergence: start anew instead of ending with an error.
+        reset_on_divergence: start again instead of ending with an error.
         attached: further models in the scene.
         variation: varies the scene at each start; None leaves it as it is.
         shadows: cameras draw them.
@@ -181,7 +181,7 @@ class World:
             yield
 
     def start(self) -> None:
-        """Starts to step; a second call does nothing."""
+        """Starts to step. Idempotent."""
         if self._thread is not None:
             return
         self._started_s = time.monotonic()
@@ -190,7 +190,7 @@ class World:
         self._thread.start()
 
     def close(self) -> None:
-        """Ends the thread; a second call does nothing."""
+        """Ends the thread. Idempotent."""
         self._stop.set()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join()

@@ -71,7 +71,7 @@ class OnnxModel(Model):
         return self.units.radians(kept, self._unit)
 
     def close(self) -> None:
-        """Frees the policy; a second call does nothing."""
+        """Frees the policy. Idempotent."""
         self._session = None
 
 

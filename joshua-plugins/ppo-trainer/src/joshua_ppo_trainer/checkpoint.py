@@ -29,7 +29,7 @@ def weights_of(module: torch.nn.Module, prefix: str = "") -> Arrays:
 
 
 def load_weights(module: torch.nn.Module, arrays: Mapping[str, Any], prefix: str = "") -> None:
-    """Takes weights over. Raises RunError where they do not fit."""
+    """Takes weights over. Raises RunError if they do not fit."""
     found = {
         key[len(prefix) :]: torch.from_numpy(np.array(v))
         for key, v in arrays.items()

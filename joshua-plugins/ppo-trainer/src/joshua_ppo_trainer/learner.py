@@ -34,7 +34,7 @@ class DivergedError(RunError):
 
 
 class _StoppableBuffer(RolloutBuffer):  # type: ignore[misc,unused-ignore]
-    """Asks before each mini-batch whether learning goes on, so that a stop needs not wait for an update."""
+    """Asks before each mini-batch whether learning continues, so that a stop needs not wait for an update."""
 
     asked: Callable[[], bool] = staticmethod(lambda: False)
 
@@ -172,7 +172,7 @@ class Learner:
         vec_env.done = state["episodes_done"]
         model.num_timesteps, self._iterations = state["steps"], state["iterations"]
         model._n_updates = state["updates"]
-        # with a last observation, the learner does not start the environments anew
+        # with a last observation, the learner does not start the environments again
         model._last_obs, model._last_episode_starts = training["last.observation"], training["last.starts"]
         checkpoint.load_generators(training)
         self._snapshot = (policy, training, state)

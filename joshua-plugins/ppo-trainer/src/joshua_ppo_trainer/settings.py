@@ -44,7 +44,7 @@ SUITABLE: Mapping[str, Suitable] = {
 
 
 class TrainerSettings(BlockSettings):
-    """What the file says of a training; None where it leaves a choice to the environment."""
+    """What the file says of a training; None if it leaves a choice to the environment."""
 
     environment: str = ""
     environment_id: str = ""

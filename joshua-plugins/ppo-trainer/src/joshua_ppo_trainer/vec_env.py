@@ -14,12 +14,12 @@ from joshua_ppo_trainer.normalise import Normaliser
 #: Episodes over which success, return and length are averaged.
 WINDOW = 200
 
-#: What an environment whose episode goes on has to say: one dictionary that nobody writes to.
+#: What an environment whose episode continues has to say: one dictionary that nobody writes to.
 _NOTHING: dict[str, Any] = {}
 
 
 class BatchedVecEnv(VecEnv):  # type: ignore[misc,unused-ignore]
-    """N environments that step together and start anew with the step that ended their episode.
+    """N environments that step together and start again with the step that ended their episode.
 
     Args:
         environment: has ``advance``, see ``joshua_mujoco_sim.envs.TermVectorEnv``, in the mode SAME_STEP.

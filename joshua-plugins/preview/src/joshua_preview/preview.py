@@ -73,7 +73,7 @@ class Preview:
         self._changed.set()
 
     def close(self) -> None:
-        """Close the window; idempotent."""
+        """Close the window. Idempotent."""
         self._stop.set()
         self._changed.set()
         process = self._process

@@ -13,8 +13,8 @@ class FoundMotor:
         motor_id: what it answers to; baudrate: line speed at which it does, bit/s.
         model: name of the model, or ``model 1234`` where it is unknown; firmware: "" if unknown.
         voltage_v, temperature_c: None if the motor does not measure it, or does not say.
-        max_temperature_c, min_voltage_v, max_voltage_v: limits beyond which it protects itself; None where
-            it has none, or does not say.
+        max_temperature_c, min_voltage_v, max_voltage_v: limits beyond which it protects itself; None if it
+            has none, or does not say.
         status: what the motor complains about, such as ``overloaded``; "" for nothing.
         shared: several motors answer to this id, so that their replies collide; all else is unknown.
     """

@@ -78,7 +78,7 @@ class SerialPort:
             raise
 
     def close(self) -> None:
-        """Close the port; idempotent."""
+        """Close the port. Idempotent."""
         fd, self._fd = self._fd, -1
         if fd < 0:
             return

@@ -101,7 +101,7 @@ def resolve(endpoint: Endpoint) -> PortEntry:
     """Find the port that an endpoint names.
 
     Raises:
-        PortNotFound: no adapter fits, or several do; the message lists the ports that there are.
+        PortNotFound: no adapter fits, or several do. The message lists the ports that there are.
     """
     ports = list_ports(endpoint.device_root)
     if not (endpoint.serial_number or endpoint.vid_pid):

@@ -1,6 +1,6 @@
 """An action server by the conventions of ROS 2: three services and two topics. One goal at a time.
 
-Source: ROS 2 design, «Actions»; rcl_action for names and quality of service.
+Source: ROS 2 design, "Actions"; rcl_action for names and quality of service.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class ActionServer:
 
     Args:
         node: that has the action; name: below the node's name; action: its type.
-        refuse: why a goal's message is not accepted, "" where it is.
+        refuse: why a goal's message is not accepted, "" if it is.
         execute: carries a goal out on a thread of its own; returns its last status and the result's fields.
     """
 

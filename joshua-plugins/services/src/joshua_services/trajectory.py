@@ -177,7 +177,7 @@ def _tolerances(given: Any, names: list[str], default: float) -> Any:
 
 
 def _beyond(off: Any, allowed: Any) -> int | None:
-    """The joint that is furthest beyond its tolerance; None where none is."""
+    """The joint that is furthest beyond its tolerance; None if none is."""
     excess = np.where(off > allowed, off - allowed, 0.0)
     return int(excess.argmax()) if excess.any() else None
 

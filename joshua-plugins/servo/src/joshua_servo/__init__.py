@@ -1,1 +1,1 @@
-"""What drivers of servo buses share; a driver adds its protocol and its registers."""
+"""The common part of drivers for servo buses. A driver adds its protocol and its registers."""

@@ -42,9 +42,9 @@ from joshua_servo.torque import MoveValues, TorqueSwitch
 from joshua_servo.tuning import Tuning
 from joshua_servo.watch import HealthLimits, HealthWatch
 
-HOLD_S = 0.06  # a servo that does not answer delays the hold of the others by three requests at most
-TORQUE_CHECK_S = 0.5  # how often torque is looked at while all replies come
-MAX_RATE_WINDOW_S = 0.5  # after a pause, a goal may be at most this many seconds of full speed away
+HOLD_S = 0.06  # a servo without a reply delays the hold of the others by at most three requests
+TORQUE_CHECK_S = 0.5  # interval of the torque checks while all replies arrive
+MAX_RATE_WINDOW_S = 0.5  # after a pause, the distance to a goal is at most this many seconds at full speed
 
 
 class ServoArm(Actuator):
@@ -52,14 +52,14 @@ class ServoArm(Actuator):
 
     Args:
         settings: the arm.
-        context: of its node. ``allow_uncalibrated`` lets an arm without calibration be energised, in radians
-            about the middle of its range; what is remembered tells the adapter.
+        context: of its node. ``allow_uncalibrated`` allows torque without a calibration, in radians relative
+            to the middle of the range. ``remembered`` identifies the adapter.
     """
 
     settings: ServoSettings
-    #: The family of the servos.
+    #: Family of the servos.
     family: ClassVar[ServoFamily]
-    #: What stops them without this driver.
+    #: The safe-stop request that works without this driver.
     stop_request: ClassVar[type[ServoStopRequest]]
 
     def __init__(self, settings: ServoSettings, context: ActuatorContext | None = None) -> None:
@@ -67,7 +67,7 @@ class ServoArm(Actuator):
         self._ids = settings.motor_ids
         self._map = JointMap(settings)
         self._watch = HealthWatch(settings.joint_names, [HealthLimits()] * len(self._ids), self.family.status)
-        adapter = self.context.remembered  # of the driver before, which had found it
+        adapter = self.context.remembered  # found by the previous driver
         self._port = SerialPort(
             Endpoint(
                 settings.port,
@@ -90,7 +90,7 @@ class ServoArm(Actuator):
         self._relaxed: dict[int, str] = {}  # index of the joint, and why it has no torque
         self._under_voltage: set[int] = set()
         self._grippers = [i for i, joint in enumerate(settings.joint_settings) if joint.gripper]
-        # rad, not rounded: slow motions are less than a tick a cycle
+        # rad, not rounded, because slow motions are less than a tick per cycle
         self._goal: list[float] = [0.0] * len(self._ids)
         self._goal_ticks, self._written_s = [0] * len(self._ids), 0.0
         self._readings: list[Feedback] = []
@@ -104,7 +104,7 @@ class ServoArm(Actuator):
 
     @abstractmethod
     def inspect(self) -> list[ServoSetup]:
-        """Check the servos on the open bus and read what their EEPROM says, in joint order.
+        """Check the servos on the open bus and read their EEPROM, in joint order.
 
         Raises:
             DeviceError: they are not those of the configuration, or of the calibration.
@@ -112,7 +112,7 @@ class ServoArm(Actuator):
 
     @abstractmethod
     def move_values(self) -> list[MoveValues]:
-        """Values of the registers of a move beside the goal, in joint order."""
+        """Register values of a move without the goal, in joint order."""
 
     def parse(self, values: Sequence[bytes]) -> list[Feedback]:
         """Read the blocks of feedback of all servos, in joint order."""
@@ -126,7 +126,7 @@ class ServoArm(Actuator):
 
     @abstractmethod
     def clear_faults(self, ids: Sequence[int]) -> None:
-        """Clear what servos without torque keep of faults that are over. Raises DeviceError."""
+        """Clear latched faults of servos without torque. Raises DeviceError."""
 
     def check_start(self, positions: Sequence[int], only: Collection[int] | None = None) -> None:
         """Refuse positions in ticks from which a servo cannot start. Raises DeviceError.
@@ -147,7 +147,7 @@ class ServoArm(Actuator):
 
     @property
     def enabled(self) -> bool:
-        """Whether the joints were energised by this driver and still are, as far as it knows."""
+        """Whether this driver has energised the joints and, as far as it knows, they still have torque."""
         return self._enabled
 
     @property
@@ -161,9 +161,9 @@ class ServoArm(Actuator):
         return self._bus
 
     def connect(self) -> None:
-        """Open the port, check the motors and take their limits; write nothing.
+        """Open the port, check the motors and read their limits, without writing.
 
-        After a disconnection the adapter is looked for by its identity, under whatever name it came back.
+        After a disconnection, the adapter is found by its identity under any name.
 
         Raises:
             DeviceError: the device is open already, or one of its kinds with cause and remedy.
@@ -175,7 +175,7 @@ class ServoArm(Actuator):
             try:
                 try:
                     self.check()
-                except NoReply:  # a machine that starts a run may stand still for a moment
+                except NoReply:  # a machine that starts a run may stall briefly
                     self.check()
             except BaseException:
                 self._port.close()
@@ -185,7 +185,7 @@ class ServoArm(Actuator):
             self._follow_identity()
 
     def check(self) -> None:
-        """Check the motors as at the start, and take their limits; write nothing. Raises DeviceError."""
+        """Check the motors as at the start and read their limits, without writing. Raises DeviceError."""
         self.require_connected("check")
         with self._lock:
             setups = self.inspect()
@@ -208,7 +208,7 @@ class ServoArm(Actuator):
         Raises:
             DeviceDisconnected: the port is gone.
             NoReply: a servo does not answer.
-            SafetyTripped: a protection has just taken the torque off; reading goes on after that.
+            SafetyTripped: a protection has just disabled the torque. Reading continues afterwards.
         """
         self.require_connected("read")
         with self._lock:
@@ -221,7 +221,7 @@ class ServoArm(Actuator):
         return JointReading(stamp_ns, *self._map.motion(readings))
 
     def prepare(self) -> None:
-        """Clear latched faults, write the settings of single servos, and find the turns they count in.
+        """Clear latched faults, write the settings of single servos, and determine the counted turns.
 
         Raises NotCalibrated, unless the plan waives the calibration, and DeviceDisconnected.
         """
@@ -251,8 +251,8 @@ class ServoArm(Actuator):
         """Prepare the joints and energise them where they are, verified by reading back.
 
         Raises:
-            SafetyTripped: a protection would trip at once.
-            DeviceError: as ``prepare``, or a servo did not take it; then all joints are released.
+            SafetyTripped: a protection would trip immediately.
+            DeviceError: as ``prepare``, or a servo did not accept it. Then all joints are released.
         """
         self.require_connected("enable")
         with self._lock:
@@ -281,7 +281,7 @@ class ServoArm(Actuator):
         """Energise the relaxed joints where they are; the others keep their torque.
 
         Raises:
-            SafetyTripped: a protection would trip at once.
+            SafetyTripped: a protection would trip immediately.
             DeviceError: as ``enable``.
         """
         self.require_connected("rejoin")
@@ -327,9 +327,9 @@ class ServoArm(Actuator):
             return self._map.radians(written)
 
     def hold(self) -> None:
-        """Stop where the joints are and keep a grip; idle without torque.
+        """Stop the joints at their positions and keep a grip. No effect without torque.
 
-        Raises DeviceDisconnected, also where a servo does not answer; the others hold by then.
+        Raises DeviceDisconnected, also if a servo does not reply. The others then hold already.
         """
         self.require_connected("hold")
         with self._lock:
@@ -344,10 +344,10 @@ class ServoArm(Actuator):
             self._state.require_all(found)
 
     def release(self) -> None:
-        """Take torque off all joints and verify it; does nothing on a closed device.
+        """Disable the torque of all joints and verify it. No effect on a closed device.
 
         Raises:
-            DeviceDisconnected: a servo does not say that it has let go.
+            DeviceDisconnected: a servo does not confirm it.
         """
         with self._lock:
             self._enabled = False
@@ -361,7 +361,7 @@ class ServoArm(Actuator):
             return self._torque.read()
 
     def disconnect(self) -> None:
-        """Restore what the servos' EEPROM held and close the port, torque as it is; idempotent."""
+        """Restore the servos' EEPROM and close the port without changing the torque. Idempotent."""
         with self._lock:
             self._enabled = False
             if self.connected and self._tuning.before:
@@ -369,13 +369,13 @@ class ServoArm(Actuator):
             self._port.close()
 
     def _restore(self) -> None:
-        """Restore the EEPROM, unless a servo does not reply: then nothing may delay the guardian."""
+        """Restore the EEPROM, unless a servo does not reply, because the guardian must not be delayed."""
         try:
             if self._state.missed:
                 raise NoReply("a servo does not reply")
             self._tuning.restore()
         except PortDisconnected:
-            return  # that is reported, and the guardian restores what it can
+            return  # reported, and the guardian restores what it can
         except DeviceError as error:
             ids = ", ".join(map(str, self._tuning.before))
             self.context.log.warning("ids %s keep the settings of this run in their EEPROM: %s", ids, error)
@@ -395,12 +395,12 @@ class ServoArm(Actuator):
     def safe_stop_request(
         self, action: str, *, park_pose_rad: Sequence[float] = (), timeout_s: float = 2.0
     ) -> ServoStopRequest:
-        """What a guardian needs to bring this arm into its safe state without this driver.
+        """Return the guardian's request for the safe state of this arm without this driver.
 
         Args:
             action: ``HOLD``, ``RELEASE`` or ``PARK_THEN_RELEASE``.
             park_pose_rad: pose of PARK_THEN_RELEASE, one angle for each joint.
-            timeout_s: by when it is to be done.
+            timeout_s: time limit.
         """
         park: Mapping[int, int] = {}
         if len(park_pose_rad):
@@ -427,7 +427,7 @@ class ServoArm(Actuator):
         return self.context.facts.dry_run
 
     def _follow_identity(self) -> None:
-        """From now on looks for this very adapter, whatever name it has."""
+        """Follow this adapter under any name from now on."""
         entry, endpoint = self._port.entry, self._port.endpoint
         if entry.serial_number:
             self._port.endpoint = Endpoint(
@@ -468,7 +468,7 @@ class ServoArm(Actuator):
         )
 
     def _report_voltage(self, readings: Sequence[Feedback]) -> None:
-        """Log that a servo reports its supply voltage as out of range, once for each time it does."""
+        """Log once for each period in which a servo reports its supply voltage as out of range."""
         reporting = {i for i, reading in enumerate(readings) if reading.status & self.family.status.voltage}
         for index in sorted(reporting - self._under_voltage):
             self.context.log.warning(
@@ -479,7 +479,7 @@ class ServoArm(Actuator):
         self._under_voltage = reporting
 
     def _relax(self, reasons: Mapping[int, str]) -> None:
-        """Take the torque off grippers; a goal would enable it, so none is written until ``rejoin``."""
+        """Disable the torque of grippers. A goal would enable it, so none is written until ``rejoin``."""
         if not reasons:
             return
         self._relaxed.update(reasons)
@@ -494,7 +494,7 @@ class ServoArm(Actuator):
             ) from error
 
     def _lapse(self) -> str:
-        """Look at the torque itself now and then, and after each lost reply: a power cut resets servos."""
+        """Check the torque periodically and after each lost reply, because a power cut resets servos."""
         lost, now_s = self._lost, time.monotonic()
         if self._dry_run or (lost == self._lost_checked and now_s - self._torque_checked_s < TORQUE_CHECK_S):
             return ""
@@ -508,7 +508,7 @@ class ServoArm(Actuator):
         return sum(self._bus.counters.lost.values())
 
     def _send_goals(self, ticks: Sequence[int], only: Collection[int] | None = None) -> None:
-        """Write goals in joint order; relaxed joints, and ids that are not among ``only``, get none."""
+        """Write goals in joint order, except to relaxed joints and ids that are not in ``only``."""
         if self._dry_run:
             return
         goal = self.family.goal_position

@@ -1,16 +1,16 @@
 """A servo bus: requests out, replies in, matched by id, length, order and checksum. This is the hot path.
 
-A reply carries no number of its request, so a late one could pass for an answer to another. Five rules keep
-it out, for as long as ``LATE_HORIZON_S`` after the timeout:
+A reply does not identify its request, so a late one could be mistaken for the reply to another. Five rules
+prevent that for ``LATE_HORIZON_S`` after the timeout:
 
 - Received bytes are dropped before each request.
-- The replies of a sync read must come in the order of the request, each once, or none of them is believed.
-- The length that a late reply of a servo can have is claimed. A read asks for further bytes, so that its own
-  length is free. Reads of one servo do so after answered requests, too.
-- Where the length cannot vary, as in an acknowledgement, another request to that servo waits.
-- A write is believed when its register reads back the value.
+- The replies of a sync read must come in the order of the request, each once, or all are rejected.
+- The possible length of a late reply is claimed. A read requests additional bytes to get a free length. Reads
+  of a single servo do so after answered requests, too.
+- If the length cannot vary, as in an acknowledgement, further requests to that servo wait.
+- A write counts as successful if its register reads back the value.
 
-Why one file: requests and the rules that tell their replies from others are one hot path.
+Why one file: requests and the rules that match their replies are one hot path.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from joshua_servo.register import Register
 from joshua_servo.reply import Reply, ReplySearch
 
 REPLY_MARGIN_S = 0.02  # beyond wire time: adapters hold bytes back for up to 16 ms
-RETRIES = 4  # with the margin a tenth of a second: a busy host may stand still for that long
-LATE_HORIZON_S = 0.25  # how long after a lost reply a late one is reckoned with
-COPY_S = 0.02  # how long after a reply a copy of it may come
+RETRIES = 4  # with the margin a tenth of a second, because a busy host may stall for that long
+LATE_HORIZON_S = 0.25  # time after a lost reply in which it may still arrive late
+COPY_S = 0.02  # time after a reply in which a copy of it may arrive
 PADDINGS = 15  # lengths of one read beside its own
 BROADCAST_ID = 0xFE  # of the protocols of all families
 _LISTEN_BYTES = 255
 
 
 class _Claim(NamedTuple):
-    """A length that replies to a request had, or may still have."""
+    """A length of replies to a request, received or still possible."""
 
     until_s: float
     message: bytes
@@ -47,23 +47,23 @@ class _Claim(NamedTuple):
 
     @property
     def blocks_until_s(self) -> float:
-        """Until when no other request may have this length."""
+        """Time until which no other request may have this length."""
         return self.until_s if self.is_lost else self.until_s - LATE_HORIZON_S + COPY_S
 
 
 class ServoBus(ABC):
-    """Requests to the servos on one port; the packets are those of one protocol.
+    """Requests to the servos on one port, in the packets of one protocol.
 
     Args:
-        reply_margin_s: how long after its wire time a reply may come.
-        retries: how often a request is repeated for servos that did not answer.
+        reply_margin_s: longest delay of a reply after its wire time.
+        retries: repetitions of a request for servos that did not reply.
     """
 
-    #: Whether a servo may answer any request by a refusal without data.
+    #: Whether a servo may refuse any request with a reply without data.
     refuses: ClassVar[bool] = False
-    #: Bytes of a reply beside its data.
+    #: Bytes of a reply without its data.
     reply_overhead: ClassVar[int]
-    #: Line speeds that the servos know, bit/s.
+    #: Line speeds of the servos, bit/s.
     baudrates: ClassVar[Collection[int]]
 
     def __init__(
@@ -74,7 +74,7 @@ class ServoBus(ABC):
         self.retries = retries
         self.counters = BusCounters()
         self.status: dict[int, int] = {}  # error byte of each servo's last reply
-        self._echo = 0  # 1 where the adapter returns what is sent
+        self._echo = 0  # 1 if the adapter echoes sent bytes
         self._last: tuple[tuple[int, ...], int, bytes] | None = None  # ids, length, message of a sync read
         self._claims: dict[tuple[int, int], _Claim] = {}  # by servo id and data bytes of the reply
         self._requests: dict[tuple[int, int, tuple[int, ...]], bytes] = {}
@@ -83,8 +83,8 @@ class ServoBus(ABC):
     def identify(self, servo_id: int) -> FoundMotor:
         """Read model, firmware and, once, the state of one servo.
 
-        The state differs between two servos of one id, so that their replies collide.
-        Raises NoReply and PortDisconnected.
+        The state differs between two servos with the same id, so their replies collide. Raises NoReply and
+        PortDisconnected.
         """
 
     @abstractmethod
@@ -97,7 +97,7 @@ class ServoBus(ABC):
 
     @abstractmethod
     def ping_request(self, servo_id: int) -> bytes:
-        """Packet that asks whether a servo is there."""
+        """Packet that pings a servo."""
 
     @abstractmethod
     def sync_read_request(self, address: int, length: int, ids: Sequence[int]) -> bytes:
@@ -105,11 +105,11 @@ class ServoBus(ABC):
 
     @abstractmethod
     def sync_write_request(self, address: int, width: int, rows: Mapping[int, bytes]) -> bytes:
-        """Packet that writes the same bytes of several servos; nobody answers it."""
+        """Packet that writes the same bytes of several servos, without a reply."""
 
     @abstractmethod
     def take_all(self, received: bytes, size: int, ids: Sequence[int]) -> dict[int, bytes] | None:
-        """The usual case of a sync read: every reply whole and in its place; None if anything is amiss.
+        """The usual case of a sync read: every reply is complete and in place; None otherwise.
 
         Args:
             size: data bytes of each reply.
@@ -129,7 +129,7 @@ class ServoBus(ABC):
         return ""
 
     def padded(self, address: int, length: int, padding: int) -> tuple[int, int, int]:
-        """Start and size of a read with further bytes, and how many of these lie in front."""
+        """Start and size of a read with additional bytes, and the number of those before the data."""
         return address, length + padding, 0
 
     def sync_read(
@@ -141,10 +141,11 @@ class ServoBus(ABC):
         retries: int | None = None,
         within_s: float = math.inf,
     ) -> dict[int, bytes]:
-        """Read the same bytes of several servos; those that do not answer within all retries are left out.
+        """Read the same bytes of several servos, without those that do not reply within all retries.
 
         Args:
-            within_s: no retry begins later than this; on a busy machine each takes longer than its time-out.
+            within_s: no retry begins later than this, because on a busy machine each takes longer than its
+            timeout.
 
         Raises PortDisconnected.
         """
@@ -159,7 +160,7 @@ class ServoBus(ABC):
         return values
 
     def sync_write(self, address: int, width: int, rows: Mapping[int, bytes]) -> None:
-        """Write ``width`` bytes to several servos at once; nobody answers. Raises PortDisconnected."""
+        """Write ``width`` bytes to several servos in one packet, without replies. Raises PortDisconnected."""
         self.counters.requests += 1
         self.port.send(self.sync_write_request(address, width, rows))
 
@@ -183,7 +184,7 @@ class ServoBus(ABC):
     def write(self, servo_id: int, register: Register, value: int) -> None:
         """Write one register and read it back.
 
-        Raises NoReply, also where the register does not keep the value, ServoRefused and PortDisconnected.
+        Raises NoReply, also if the register does not keep the value, ServoRefused and PortDisconnected.
         """
         message = self.write_request(servo_id, register.address, register.encode(value))
         kept: int | None = None
@@ -213,17 +214,17 @@ class ServoBus(ABC):
         self.write_checked(servo_id, values)
 
     def ping(self, servo_id: int) -> bool:
-        """Whether a servo answers, in one attempt. Raises PortDisconnected."""
+        """Whether a servo replies, in one attempt. Raises PortDisconnected."""
         return self.ask(servo_id, self.ping_request(servo_id), self.ping_length()) is not None
 
     def roll_call(self, ids: Iterable[int], margin_s: float) -> set[int]:
-        """Pings these ids one after the other, each in one attempt; returns all that answered meanwhile.
+        """Ping ids one after the other, each in one attempt. Returns all that replied meanwhile.
 
-        A reply names its servo, so one that comes while the next id is asked already counts as well: a busy
-        host may keep it back for longer than a search through all ids can wait each time.
+        A reply names its servo, so a late one that arrives during the ping of the next id also counts. A busy
+        host may delay it for longer than a search can wait for each id.
 
         Args:
-            margin_s: how long after its wire time each reply is waited for.
+            margin_s: waiting time for each reply after its wire time.
 
         Raises PortDisconnected.
         """
@@ -238,7 +239,7 @@ class ServoBus(ABC):
         return heard
 
     def _call(self, servo_id: int) -> set[int]:
-        """Who answers to one ping, until the one that it is for does."""
+        """Ids that reply after one ping, until the pinged one does."""
         message, size = self.ping_request(servo_id), self.reply_overhead + self.ping_length()
         deadline_s = self._send(message, size)
         heard: set[int] = set()
@@ -257,12 +258,12 @@ class ServoBus(ABC):
         return reply is not None and not self.refusal(reply.error)
 
     def call_all(self, quiet_s: float) -> tuple[list[int], bool]:
-        """Pings everybody at once, in one attempt; listens until the line has been quiet for a while.
+        """Ping all servos with one broadcast, and receive until the line is quiet for a while.
 
-        Servos that answer at the same time spoil each other's replies.
+        Simultaneous replies corrupt each other.
 
         Returns:
-            The ids that were understood, and whether there was anything else on the line.
+            The ids of valid replies, and whether anything else was received.
 
         Raises PortDisconnected.
         """
@@ -278,21 +279,21 @@ class ServoBus(ABC):
         return sorted(set(ids)), len(received) != understood
 
     def is_garbled(self, servo_id: int, address: int, length: int) -> bool:
-        """Whether a read, in one attempt, brings only broken packets. Raises PortDisconnected."""
+        """Whether a read, in one attempt, returns only broken packets. Raises PortDisconnected."""
         corrupt = self.counters.corrupt
         found = self.ask(servo_id, self.read_request(servo_id, address, length), length)
         return found is None and self.counters.corrupt > corrupt
 
     def detect_echo(self) -> None:
-        """Learn whether the adapter returns what is sent, by an instruction that nobody answers.
+        """Detect whether the adapter echoes sent bytes, with an instruction that no servo answers.
 
         Raises PortDisconnected.
         """
         self._echo = 0
-        message = self.sync_write_request(0, 0, {})  # a write of nothing, to nobody
+        message = self.sync_write_request(0, 0, {})  # an empty write to an unused id
         deadline_s = self._send(message, len(message))
         received = self.port.receive(len(message), deadline_s)
-        while received and message not in received and time.monotonic() < deadline_s:  # behind a late reply
+        while received and message not in received and time.monotonic() < deadline_s:  # after a late reply
             received += self.port.receive(1, deadline_s)
         self._echo = int(message in received)
 
@@ -300,10 +301,10 @@ class ServoBus(ABC):
         """One request to one servo, one attempt; None if no whole reply came. Raises PortDisconnected.
 
         Args:
-            length: data bytes of the reply; a reply that says why a servo refuses has none.
+            length: data bytes of the reply. A refusal has none.
         """
         self._wait_for_claim(servo_id, length, message)
-        is_second = self._is_lost(servo_id, length)  # the answer to the first may come, too
+        is_second = self._is_lost(servo_id, length)  # the reply to the first may arrive, too
         size = length + self.reply_overhead
         refusable = not self._is_claimed(servo_id, 0, message)
         deadline_s = self._send(message, size)
@@ -327,7 +328,7 @@ class ServoBus(ABC):
     def _sync_read_once(
         self, address: int, length: int, ids: tuple[int, ...], *, may_wait: bool
     ) -> dict[int, bytes]:
-        """One attempt; none where no length is free and there is no time to wait for one."""
+        """One attempt; none if no length is free and there is no time to wait for one."""
         skip = 0
         size = length
         if self._claims or len(ids) == 1 or (self._last and self._last[0] != ids):
@@ -337,7 +338,7 @@ class ServoBus(ABC):
                     return {}
                 found = self._wait_for_length(address, length, ids)
             address, size, skip = found
-        is_fresh = size != length  # else a copy of a former reply may have this length, too
+        is_fresh = size != length  # otherwise a copy of an earlier reply may have this length, too
         key = (address, size, ids)
         message = self._requests.get(key)
         if message is None:
@@ -352,7 +353,7 @@ class ServoBus(ABC):
             if values is None or (values and missing and not is_fresh):
                 for servo_id in missing:
                     self._claim(servo_id, size, message, is_lost=True)
-                # an order with gaps proves nothing, where copies of former replies have this length
+                # an order with gaps proves nothing if copies of earlier replies have this length
                 return {} if values is None else self._sync_read_once(address, length, ids, may_wait=may_wait)
             for servo_id in missing:
                 self._lose(servo_id, size, message)
@@ -368,7 +369,7 @@ class ServoBus(ABC):
     def _sort_out(
         self, received: bytes, size: int, ids: Sequence[int], deadline_s: float
     ) -> dict[int, bytes] | None:
-        """The unusual case: takes whole replies of the right length; None if they are out of order."""
+        """The unusual case: accept complete replies of the right length; None if they are out of order."""
         place = {servo_id: index for index, servo_id in enumerate(ids)}
         taken: dict[int, bytes] = {}
         last = -1
@@ -378,7 +379,7 @@ class ServoBus(ABC):
             if index is None or len(reply.data) != size:
                 self.counters.stale += 1
                 continue
-            if index <= last:  # a late reply is among them, and nothing tells which one it is
+            if index <= last:  # one of them is a late reply, but it is unknown which
                 self.counters.stale += 1
                 return None
             last = index
@@ -390,7 +391,7 @@ class ServoBus(ABC):
         return taken
 
     def _send(self, message: bytes, reply_size: int) -> float:
-        """Send a request; return until when its replies are waited for."""
+        """Send a request. Return the deadline of its replies."""
         self.counters.requests += 1
         self.port.send(message)
         wire_s = self.port.wire_time_s(len(message) * (1 + self._echo) + reply_size)
@@ -400,24 +401,24 @@ class ServoBus(ABC):
         if not self._echo:
             return self.port.receive(size, deadline_s)
         received = self.port.receive(size + len(message), deadline_s)
-        while message not in received and time.monotonic() < deadline_s:  # an earlier one came late
+        while message not in received and time.monotonic() < deadline_s:  # an earlier one arrived late
             received += self.port.receive(len(message), deadline_s)
         return received.partition(message)[2]
 
     def _replies(self, received: bytes, deadline_s: float, search: ReplySearch) -> Iterator[Reply]:
-        """Reply in what was received, then in what still comes until the deadline."""
+        """Replies in the received bytes, then in those that arrive until the deadline."""
         yield from search.feed(received)
         while time.monotonic() < deadline_s:
             yield from search.feed(self.port.receive(1, deadline_s))
 
     def _free_length(self, address: int, length: int, ids: Sequence[int]) -> tuple[int, int, int] | None:
-        """Start, size and skipped bytes of a read whose length no late reply of these servos can have.
+        """Start, size and skipped bytes of a read with a length that no late reply of these servos can have.
 
-        Where every length was used, the one that was answered longest ago; None if all may still come.
+        If every length was used, the one answered longest ago; None if all may still arrive.
         """
         if (
             self._last is not None
-        ):  # a copy of its last reply may come; an equal read would find it out of order
+        ):  # a copy of its last reply may arrive; an equal read would find it out of order
             (servo_ids, size, message), self._last = self._last, None
             for servo_id in servo_ids:
                 self._claim(servo_id, size, message, is_lost=False)
@@ -436,7 +437,7 @@ class ServoBus(ABC):
         return best[1] if best else None
 
     def _wait_for_length(self, address: int, length: int, ids: Sequence[int]) -> tuple[int, int, int]:
-        """As ``_free_length``, after the time that it takes."""
+        """As ``_free_length``, after waiting if necessary."""
         while (found := self._free_length(address, length, ids)) is None:
             claims = [claim.blocks_until_s for key, claim in self._claims.items() if key[0] in ids]
             now_s = time.monotonic()
@@ -445,21 +446,21 @@ class ServoBus(ABC):
         return found
 
     def _is_claimed(self, servo_id: int, length: int, message: bytes) -> bool:
-        """Whether a late reply of this length to another request may still come."""
+        """Whether a late reply of this length to another request may still arrive."""
         return self._is_lost(servo_id, length) and self._claims[servo_id, length].message != message
 
     def _is_lost(self, servo_id: int, length: int) -> bool:
-        """Whether a late reply of this length may still come."""
+        """Whether a late reply of this length may still arrive."""
         claim = self._claims.get((servo_id, length))
         return claim is not None and claim.is_lost and claim.until_s > time.monotonic()
 
     def _wait_for_claim(self, servo_id: int, length: int, message: bytes) -> None:
-        """Wait while a late reply of this length to another request may still come."""
+        """Wait while a late reply of this length to another request may still arrive."""
         while self._is_claimed(servo_id, length, message):
             _sleep_until(self._claims[servo_id, length].until_s)
 
     def _lose(self, servo_id: int, length: int, message: bytes) -> None:
-        """Count a reply that did not come, and expect it late; it may be a refusal, too."""
+        """Count a missing reply and expect it late, also as a refusal."""
         self.counters.lose(servo_id)
         self._claim(servo_id, length, message, is_lost=True)
         if self.refuses:
@@ -481,5 +482,5 @@ class ServoBus(ABC):
 
 
 def _sleep_until(until_s: float) -> None:
-    """Sleep a little beyond a time, so that no rounding leaves it in the future."""
+    """Sleep slightly beyond a time, because of rounding."""
     time.sleep(max(0.0, until_s - time.monotonic()) + 1e-4)

@@ -1,7 +1,7 @@
-"""What can be done with a bus of motors outside a run: find what is on it, and give a motor its id.
+"""Tools for a bus of motors outside a run: find its motors, and assign an id to a motor.
 
 A driver's plugin names its class by ``ActuatorSpec.bus_tools``; `joshua find-port`, `joshua motors` and
-`joshua doctor` work with every class that is named there. No method moves a motor or switches torque on.
+`joshua doctor` use all these classes. No method moves a motor or enables torque.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from joshua_serial.port import SerialPort
 
 
 class AssignmentFailed(DeviceError):
-    """A motor did not take its id or line speed; the message says what it answers to now."""
+    """A motor did not accept its id or line speed. The message states its present ones."""
 
 
 class BusTools(ABC):
-    """Motors of one family on one open port. The port's line speed is put back after every method.
+    """Motors of one family on one open port. Every method restores the port's line speed.
 
     Attributes:
-        family: what the motors are called, such as ``STS3215 servos``.
-        baudrates: line speeds that the motors can have, bit/s, the usual one first.
-        ids: ids that a motor can be given.
-        expected_models: names of the models that the driver can drive.
+        family: name of the motors, such as ``STS3215 servos``.
+        baudrates: supported line speeds, bit/s, the most common first.
+        ids: valid ids.
+        expected_models: names of the models that the driver supports.
         factory_id: id of a new motor.
     """
 
@@ -41,12 +41,12 @@ class BusTools(ABC):
 
     @abstractmethod
     def scan(self, baudrates: Sequence[int] = ()) -> Iterator[FoundMotor]:
-        """Look for motors; yield each as it is found, by line speed, then by id.
+        """Search for motors. Yield each immediately, by line speed, then by id.
 
-        Writes nothing. Speeds that the adapter cannot run at are passed over.
+        Writes nothing. Skips speeds that the adapter does not support.
 
         Args:
-            baudrates: line speeds to look at, in this order; () for all that the motors can have.
+            baudrates: line speeds to search, in this order; () for all supported ones.
 
         Raises:
             PortDisconnected: the adapter was unplugged.
@@ -54,19 +54,19 @@ class BusTools(ABC):
 
     @abstractmethod
     def assign(self, motor: FoundMotor, motor_id: int, baudrate: int) -> FoundMotor:
-        """Give one motor its id and line speed, and the factory's way of working; take torque off it.
+        """Set id and line speed of one motor, restore its factory working mode, and disable its torque.
 
-        All or nothing: every value is read back, and after a failure the former id and line speed are put
-        back as far as the motor answers. Nothing is written where another motor has the id already.
+        All or nothing: every value is read back. After a failure, the old id and line speed are restored, if
+        the motor replies. Nothing is written if another motor already has the id.
 
         Args:
-            motor: as ``scan`` found it.
-            motor_id, baudrate: what it is to have from now on.
+            motor: a result of ``scan``.
+            motor_id, baudrate: new values.
 
         Returns:
-            The motor as it answers afterwards.
+            The motor with its new values.
 
         Raises:
-            AssignmentFailed: it did not take the values, or the id is taken.
+            AssignmentFailed: it did not accept the values, or the id is in use.
             PortDisconnected: the adapter was unplugged meanwhile.
         """

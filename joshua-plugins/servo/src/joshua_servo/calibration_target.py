@@ -1,4 +1,4 @@
-"""The servos as a calibration sees them: encoder positions without torque, and their EEPROM."""
+"""The calibration target for servos: encoder positions without torque, and their EEPROM."""
 
 from __future__ import annotations
 
@@ -22,21 +22,20 @@ from joshua_servo.register import Register
 from joshua_servo.settings import ServoSettings
 from joshua_servo.torque import TorqueSwitch
 
-#: Half a second for each request to the EEPROM: nothing moves, and to give up costs the whole calibration.
+#: Half a second for each request to the EEPROM: nothing moves, and a failure would abort the whole
+#: calibration.
 EEPROM_RETRIES = 24
 
 
 class ServoCalibrationTarget(CalibrationTarget):
-    """One arm. The homing offsets stay as they are until ``store``: raw positions are what the servo reports
-    plus its offset. A driver adds the bus of its protocol and its registers.
-    """
+    """One arm. ``store`` changes the homing offsets; raw positions are the reported ones plus the offset."""
 
     family: ClassVar[ServoFamily]
     #: Registers of the EEPROM that a calibration writes.
     homing_offset: ClassVar[Register]
     min_position: ClassVar[Register]
     max_position: ClassVar[Register]
-    #: 1 where the servo subtracts its homing offset, -1 where it adds it.
+    #: 1 if the servo subtracts its homing offset, -1 if it adds it.
     offset_sign: ClassVar[int] = 1
 
     def __init__(self, settings: ServoSettings) -> None:
@@ -64,7 +63,7 @@ class ServoCalibrationTarget(CalibrationTarget):
 
     @abstractmethod
     def read_setups(self) -> Sequence[ServoSetup]:
-        """Read the EEPROM of all servos. Raises MotorCheckFailed where one works in another way."""
+        """Read the EEPROM of all servos. Raises MotorCheckFailed if one has another working mode."""
 
     @property
     def motors(self) -> tuple[TargetMotor, ...]:
@@ -82,7 +81,7 @@ class ServoCalibrationTarget(CalibrationTarget):
         return self._port.is_open
 
     def connect(self) -> None:
-        """Open the port and check that the servos are there and work in position mode."""
+        """Open the port and check that the servos reply and are in position mode."""
         self._port.open()
         try:
             self._bus.detect_echo()
@@ -93,7 +92,7 @@ class ServoCalibrationTarget(CalibrationTarget):
             raise
         self._offsets = {setup.servo_id: setup.homing_offset for setup in setups}
         entry, endpoint = self._port.entry, self._port.endpoint
-        if entry.serial_number:  # from now on this very adapter, whatever name it has
+        if entry.serial_number:  # follows this adapter under any name
             self._port.endpoint = Endpoint(
                 endpoint.path, entry.serial_number, entry.vid_pid, endpoint.device_root
             )
@@ -103,7 +102,7 @@ class ServoCalibrationTarget(CalibrationTarget):
         self._port.close()
 
     def release(self) -> None:
-        """Take torque off all servos, verified."""
+        """Disable the torque of all servos and verify it."""
         self._require_open("release")
         self._torque.switch_off()
 
@@ -162,7 +161,7 @@ class ServoCalibrationTarget(CalibrationTarget):
             raise DeviceError(f"{type(self).__name__}.{verb}: the device is not open: call connect first")
 
     def refuse_unfit(self, motor_id: int, registers: dict[Register, int]) -> None:
-        """Refuse what a servo cannot hold, before the first register is written. Raises DeviceError."""
+        """Refuse values that a servo cannot store, before anything is written. Raises DeviceError."""
         if motor_id not in self._ids:
             raise MotorCheckFailed(
                 f"{self._port}: no motor {motor_id}; there are {', '.join(map(str, self._ids))}"

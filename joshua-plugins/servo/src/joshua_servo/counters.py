@@ -1,4 +1,4 @@
-"""What happened on a servo bus, in figures."""
+"""Counters of a servo bus."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 @dataclass
 class BusCounters:
-    """What happened on the bus since it was opened; ``lost`` counts by servo id."""
+    """Counters of the bus since it was opened. ``lost`` counts by servo id."""
 
     requests: int = 0
     retries: int = 0
@@ -16,5 +16,5 @@ class BusCounters:
     lost: dict[int, int] = field(default_factory=dict)
 
     def lose(self, servo_id: int) -> None:
-        """Count a reply that did not come."""
+        """Count a missing reply."""
         self.lost[servo_id] = self.lost.get(servo_id, 0) + 1

@@ -53,10 +53,10 @@ def joint_rows(
 
 
 def bus_row(counters: BusCounters, lost_before: int, hardware_id: str) -> DiagnosticStatus:
-    """The row of the bus: what was lost, corrupt or late since it was opened.
+    """The row of the bus: lost, corrupt and late replies since it was opened.
 
     Args:
-        lost_before: replies lost up to the last row; more of them since then are a warning.
+        lost_before: lost replies up to the last row. New ones since then are a warning.
     """
     lost = sum(counters.lost.values())
     worst = max(counters.lost, key=lambda servo_id: counters.lost[servo_id], default=None)

@@ -1,4 +1,4 @@
-"""The motors on each port: which answer, and what they say of themselves."""
+"""Checks the motors on each port: which reply, and their state."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DROP_V = 1.0  # between the motors of one chain
 
 
 def check_ports(host: Host, arguments: argparse.Namespace) -> Iterator[DoctorResult]:
-    """Look for motors on the chosen ports."""
+    """Search for motors on the chosen ports."""
     root = str(host.root)
     entries, families = chosen_ports(arguments.ports, root), installed_bus_tools()
     if entries and families:
@@ -113,7 +113,7 @@ def _voltage(subject: str, motor: FoundMotor) -> Iterator[DoctorResult]:
 
 
 def _together(path: str, motors: Sequence[FoundMotor]) -> Iterator[DoctorResult]:
-    """What shows only when the motors of one bus are compared."""
+    """Problems that only a comparison of a bus's motors shows."""
     speeds, versions = defaultdict(list), defaultdict(list)
     for motor in motors:
         speeds[motor.baudrate].append(motor.motor_id)

@@ -1,4 +1,4 @@
-"""What can go wrong between host and servos: one class per cause, each message with its remedy."""
+"""Errors between host and servos: one class per cause, each message with its remedy."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from joshua.api import SafetyTripped as SafetyTripped
 
 
 class NoReply(DeviceSilent):
-    """A servo did not answer within all retries, or only with broken packets."""
+    """A servo did not reply within all retries, or only with broken packets."""
 
 
 class MotorCheckFailed(DeviceError):
@@ -15,7 +15,7 @@ class MotorCheckFailed(DeviceError):
 
 
 class CalibrationMismatch(DeviceError):
-    """The calibration is that of another arm, or the servos were calibrated anew."""
+    """The calibration belongs to another arm, or the servos were calibrated again."""
 
 
 class NotCalibrated(DeviceError):
@@ -27,4 +27,4 @@ class NotEnabled(DeviceError):
 
 
 class ServoRefused(DeviceError):
-    """A servo answered that it does not do what it was asked for; the message says why."""
+    """A servo refused a request. The message says why."""

@@ -1,4 +1,4 @@
-"""What is the same for all servos of one family: where their registers are, and what these mean."""
+"""Data of a servo family: addresses and meaning of its registers."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ class ServoFamily:
 
     Attributes:
         moves: neighbouring registers that a move needs, the goal position among them.
-        kept: those of them that stay as they are while torque is on, so that a power cut shows.
-        speed: that of them which limits the speed; speed_of: its value for a speed in ticks/s.
-        feedback: address and length of the block that one read of the state brings.
+        kept: those of them that do not change while torque is on, which reveals a power cut.
+        speed: the one that limits the speed; speed_of: its value for a speed in ticks/s.
+        feedback: address and length of the block read for the state.
         parse_feedback: reads that block.
-        status: bits of the status that ``Feedback`` carries.
-        reads_gaps: addresses without a register can be read along with those around them.
+        status: bits of the status in ``Feedback``.
+        reads_gaps: addresses without a register can be read together with their neighbours.
     """
 
     torque_enable: Register

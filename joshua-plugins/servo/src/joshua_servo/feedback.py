@@ -1,4 +1,4 @@
-"""What one read of a servo's state brings, in the units of all families."""
+"""The state of a servo from one read, in common units."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Feedback(NamedTuple):
-    """What a servo says of itself; ``load`` is a fraction of stall torque, signed like ``speed``."""
+    """The state of a servo. ``load`` is a fraction of stall torque, signed like ``speed``."""
 
     position: int  # ticks
     speed: float  # ticks/s

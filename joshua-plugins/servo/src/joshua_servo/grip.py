@@ -12,10 +12,10 @@ from joshua_servo.bus import ServoBus
 from joshua_servo.feedback import Feedback
 from joshua_servo.settings import ServoJoint, ServoSettings
 
-PRESSES_S = 0.15  # a move starts with a load, too
-SLOW_TICKS_S = 60.0  # about 5°/s: a joint that moves faster is on its way
-NEAR_TRIP = 0.9  # of the load that trips the servo
-REPEAT_S = 0.5  # nobody acknowledges the torque limit, so it is written again
+PRESSES_S = 0.15  # the start of a move also causes a load
+SLOW_TICKS_S = 60.0  # about 5°/s: a faster joint is still moving
+NEAR_TRIP = 0.9  # share of the load that trips the servo
+REPEAT_S = 0.5  # the torque limit is not acknowledged, so it is written again
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class GripRule:
     """When a joint holds an object, and how.
 
     Attributes:
-        load: fraction of stall torque from which it holds; squeeze_ticks: of the goal beyond the position.
+        load: fraction of stall torque at which it holds; squeeze_ticks: of the goal beyond the position.
         trip_load, trip_s: load and time of the servo's overload protection.
     """
 
@@ -45,7 +45,7 @@ class Grip:
     """The grip of one joint.
 
     Attributes:
-        direction: of closing, 1 or -1, while the joint holds an object; 0 while it is free.
+        direction: closing direction, 1 or -1, while the joint holds an object; 0 while it is free.
     """
 
     def __init__(self, rule: GripRule) -> None:
@@ -58,11 +58,11 @@ class Grip:
 
     @property
     def squeeze_ticks(self) -> int:
-        """How far the goal is beyond the position while it holds an object."""
+        """Distance of the goal beyond the position while it holds an object."""
         return self._rule.squeeze_ticks
 
     def look(self, reading: Feedback, wanted: int, now_s: float) -> None:
-        """Take a reading; ``wanted`` is the goal in ticks that the commander asks for."""
+        """Add a reading. ``wanted`` is the commanded goal in ticks."""
         rule, load = self._rule, abs(reading.load)
         self._position = reading.position
         way = wanted - reading.position
@@ -84,13 +84,13 @@ class Grip:
             self._gives_way = False
 
     def let_go(self) -> None:
-        """The joint is free: it follows its commander."""
+        """End the grip. The joint follows its commander."""
         self.direction = 0
         self._pressing_since_s = self._near_trip_since_s = None
         self._gives_way = False
 
     def goal(self, wanted: int) -> int:
-        """The goal in ticks to write for a wanted one."""
+        """The goal in ticks to write for a commanded one."""
         if not self.direction:
             return wanted
         squeeze = 0 if self._gives_way else self._rule.squeeze_ticks
@@ -99,7 +99,7 @@ class Grip:
 
 
 class Grips:
-    """The grips of one arm, and the torque limits of its servos that go with them."""
+    """The grips of one arm and the corresponding torque limits of its servos."""
 
     def __init__(self, settings: ServoSettings, bus: ServoBus) -> None:
         self._bus = bus
@@ -119,7 +119,7 @@ class Grips:
 
     @property
     def stops(self) -> dict[int, tuple[int, int]]:
-        """What holds an object without this driver, by servo id: squeeze in ticks, and torque limit."""
+        """Parameters for holding objects without this driver, by servo id: squeeze in ticks, torque limit."""
         return {
             self._limits[index][0]: (grip.squeeze_ticks, self._limits[index][2])
             for index, grip in self._grips.items()
@@ -131,25 +131,25 @@ class Grips:
         return self._register.address, self._register.width
 
     def reset(self) -> None:
-        """All joints are free, and their servos have the torque limits of their settings."""
+        """End all grips and restore the torque limits of the settings."""
         for grip in self._grips.values():
             grip.let_go()
         self._written = {}
 
     def look(self, readings: Sequence[Feedback], wanted: Sequence[int], now_s: float) -> None:
-        """Take the readings of all joints and the goals in ticks that the commander asks for."""
+        """Add the readings of all joints and the commanded goals in ticks."""
         for index, grip in self._grips.items():
             grip.look(readings[index], int(wanted[index]), now_s)
 
     def goals(self, wanted: Sequence[int]) -> list[int]:
-        """The goals in ticks to write for the wanted ones."""
+        """The goals in ticks to write for the commanded ones."""
         goals = list(map(int, wanted))
         for index, grip in self._grips.items():
             goals[index] = grip.goal(goals[index])
         return goals
 
     def held(self, present: Sequence[int], wanted: Sequence[int]) -> list[int]:
-        """The goals in ticks that hold the joints where they are, objects included."""
+        """The goals in ticks that hold the joints and their objects in place."""
         return [
             self._grips[index].goal(int(wanted[index]))
             if index in self._grips and self._grips[index].direction
@@ -158,7 +158,7 @@ class Grips:
         ]
 
     def write_limits(self, now_s: float) -> None:
-        """Write the torque limit where a grip began or ended, and now and then. Raises PortDisconnected."""
+        """Write torque limits when a grip begins or ends, and periodically. Raises PortDisconnected."""
         rows = {}
         for index, grip in self._grips.items():
             direction, at_s = self._written.get(index, (0, now_s))

@@ -1,4 +1,4 @@
-"""What the servos' EEPROM says against configuration and calibration."""
+"""Compares the servos' EEPROM with configuration and calibration."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from joshua_servo.watch import HealthLimits
 
 @dataclass(frozen=True)
 class ServoSetup:
-    """What one servo's EEPROM says; positions in ticks.
+    """The EEPROM of one servo. Positions in ticks.
 
     Attributes:
-        max_speed: fastest move that it takes, ticks/s.
-        turns: it counts turns, so that a position may be whole turns away from that of the calibration.
+        max_speed: highest speed, ticks/s.
+        turns: it counts turns, so a position may differ from the calibration's by whole turns.
     """
 
     servo_id: int
@@ -33,7 +33,7 @@ class ServoSetup:
 
 
 def refuse_setup(bus: ServoBus, problems: Sequence[str]) -> None:
-    """Refuse servos that work in another way than the driver expects. Raises MotorCheckFailed."""
+    """Refuse servos with another working mode than the driver expects. Raises MotorCheckFailed."""
     if problems:
         raise MotorCheckFailed(
             "\n  ".join(
@@ -55,12 +55,12 @@ def check_start(
     *,
     only: Collection[int] | None = None,
 ) -> None:
-    """Refuse a servo that stands beyond its own limits: it would not take its position for a goal.
+    """Refuse a servo beyond its own limits, because it would not accept its position as a goal.
 
     Args:
         names, setups, positions: of all servos, in joint order; positions in ticks.
-        tolerance_ticks: how far beyond is still good.
-        only: indices of the joints to look at; None for all.
+        tolerance_ticks: accepted distance beyond a limit.
+        only: indices of the joints to check; None for all.
 
     Raises SafetyTripped.
     """
@@ -120,7 +120,7 @@ def _check_calibration(bus: ServoBus, settings: ServoSettings, setups: Sequence[
 
 
 def _differences(motor: MotorCalibration, setup: ServoSetup) -> list[str]:
-    """How the file and one servo disagree; a file may narrow the servo's range, and never widen it."""
+    """The differences between file and servo. A file may narrow the servo's range but not widen it."""
     name = f"{motor.joint_name} (id {motor.id})"
     found = []
     if motor.homing_offset != setup.homing_offset:

@@ -1,7 +1,7 @@
-"""Between the servos' ticks and the joints' radians, with the limits that hold.
+"""Conversion between the servos' ticks and the joints' radians, with the effective limits.
 
-What a control cycle needs is plain Python: for a few joints it takes a third of the time of array operations,
-whose code is seldom in the processor's caches by the next cycle.
+The code of the control cycle is plain Python. For few joints it takes a third of the time of array
+operations, whose code is rarely still in the processor's caches in the next cycle.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ class JointMap:
         self._tabulate()
 
     def _tabulate(self) -> None:
-        """Make the rows that a control cycle uses: zero, radians per tick, low and high end, speed."""
+        """Make the rows for the control cycle: zero, radians per tick, low and high end, speed."""
         scales = self._sign * RADIANS_PER_TICK
         columns = (self._zero, scales, self.low_ticks, self.high_ticks, self.speed_rad_s)
         self._rows = list(zip(*(column.tolist() for column in columns), strict=True))
 
     def tighten(self, low: Sequence[int], high: Sequence[int], speed: Sequence[float] = ()) -> None:
-        """Take the servos' own limits, in ticks and ticks/s, where they are tighter."""
+        """Apply the servos' own limits, in ticks and ticks/s, if they are tighter."""
         self.low_ticks = np.maximum(self.low_ticks, low)
         self.high_ticks = np.minimum(self.high_ticks, high)
         if speed:
@@ -49,9 +49,9 @@ class JointMap:
         self._tabulate()
 
     def follow_turns(self, ticks: Sequence[int], counts_turns: Sequence[bool]) -> None:
-        """Take positions for those of the nearest turn to the joint's range, where a servo counts turns.
+        """For servos that count turns, shift positions to the turn nearest to the joint's range.
 
-        A servo that counts turns starts anywhere after a power cut, whole turns away from its calibration.
+        After a power cut, such a servo may be whole turns away from its calibration.
         """
         middle = (self.low_ticks + self.high_ticks) / 2
         turns = np.rint((np.asarray(ticks) - middle) / TICKS_PER_TURN).astype(np.int64)
@@ -62,7 +62,7 @@ class JointMap:
         self._tabulate()
 
     def limits(self) -> JointLimits:
-        """The limits in force, in radians."""
+        """The effective limits in radians."""
         ends = np.stack((self.radians(self.low_ticks), self.radians(self.high_ticks)))
         return JointLimits(ends.min(axis=0), ends.max(axis=0), self.speed_rad_s.copy())
 
@@ -80,18 +80,18 @@ class JointMap:
         return np.array(position), np.array(speed), np.array(load)
 
     def limited(self, goal: Iterable[float], last: Iterable[float], elapsed_s: float) -> list[float]:
-        """Joint angles no further from the last ones than the joints' speeds allow in a time."""
+        """Joint angles limited to the distance from the last ones that the speeds allow in a time."""
         return [
             min(max(value, before - row[4] * elapsed_s), before + row[4] * elapsed_s)
             for value, before, row in zip(goal, last, self._rows, strict=True)
         ]
 
     def ticks(self, radians: Iterable[float], last: Sequence[int] | None = None) -> list[int]:
-        """Positions in ticks of joint angles, rounded and held within the limits.
+        """Positions in ticks of joint angles, rounded and limited.
 
         Args:
-            last: the goals before; a joint that was found beyond a limit stays there until it is told to come
-                back, and then comes as slowly as it is told.
+            last: the previous goals. A joint beyond a limit stays there until it is commanded back, at the
+                commanded speed.
         """
         ticks = []
         for index, (value, (zero, scale, low, high, _)) in enumerate(zip(radians, self._rows, strict=True)):

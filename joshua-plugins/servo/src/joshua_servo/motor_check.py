@@ -1,4 +1,4 @@
-"""Checks that the servos on a bus are those of the configuration, and says what is wrong."""
+"""Checks that the servos on a bus are those of the configuration."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from joshua_servo.bus import ServoBus
 from joshua_servo.bus_tools import FoundMotor
 from joshua_servo.errors import MotorCheckFailed, NoReply
 
-LOOKS = 2  # a machine that is busy with the start of a run may stand still for longer than a request is tried
-SCANNED_IDS = range(21)  # where strangers are looked for; arms are numbered from 1 on
+LOOKS = 2  # a machine that starts a run may stall for longer than all attempts of a request
+SCANNED_IDS = range(21)  # ids searched for unknown servos; arms are numbered from 1
 
 
 def check_motors(bus: ServoBus, models: Mapping[int, str]) -> list[FoundMotor]:
-    """Look at each servo of the configuration, in cable order.
+    """Check each servo of the configuration, in cable order.
 
     Args:
         models: expected model of each servo by its id.
 
     Raises:
-        MotorCheckFailed: a servo is missing, shares its id or is of another model; the message names each,
-            with the expected and the found list, and the place where the chain breaks.
+        MotorCheckFailed: a servo is missing, shares its id or has another model. The message names each, with
+            the expected and found lists, and where the chain breaks.
         PortDisconnected: the port is gone.
     """
     ids = tuple(models)
@@ -66,7 +66,7 @@ def check_motors(bus: ServoBus, models: Mapping[int, str]) -> list[FoundMotor]:
 
 
 def find_baudrates(bus: ServoBus, ids: Iterable[int]) -> dict[int, list[int]]:
-    """Find ids that answer at other line speeds: ids by speed. The line speed is put back afterwards."""
+    """Find ids that reply at other line speeds, by speed. Restores the line speed."""
     usual = bus.port.baudrate
     answers: dict[int, list[int]] = {}
     wanted = list(ids)
@@ -83,13 +83,13 @@ def find_baudrates(bus: ServoBus, ids: Iterable[int]) -> dict[int, list[int]]:
 
 
 def _heard_at(bus: ServoBus, baudrate: int, wanted: Sequence[int]) -> list[int]:
-    """Those ids that answer at a line speed; where one does, the others are asked once more."""
+    """The ids that reply at a line speed. If one does, the others are asked again."""
     try:
         bus.port.set_baudrate(baudrate)
     except PortUnusable:
-        return []  # a speed that the adapter cannot run at cannot be the one in use
+        return []  # a speed that the adapter does not support cannot be in use
     heard = bus.roll_call(wanted, bus.reply_margin_s)
-    if heard:  # a late reply to a call at another speed would not be repeated
+    if heard:  # a late reply to a ping at another speed would not be repeated
         heard = bus.roll_call(sorted(heard), bus.reply_margin_s)
         heard |= bus.roll_call([i for i in wanted if i not in heard], bus.reply_margin_s)
     return [servo_id for servo_id in wanted if servo_id in heard]
@@ -122,7 +122,7 @@ def _strangers(bus: ServoBus, ids: Sequence[int]) -> list[FoundMotor]:
         try:
             strangers.append(bus.identify(servo_id))
         except NoReply:
-            continue  # it answered once and then no more: not one to report as found
+            continue  # it replied only once, so it does not count as found
     return strangers
 
 

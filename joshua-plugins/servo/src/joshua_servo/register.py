@@ -11,9 +11,9 @@ class Register:
 
     Attributes:
         width: bytes.
-        sign_bit: the bit that carries the sign of a sign-magnitude value; None if there is none.
+        sign_bit: the sign bit of a sign-magnitude value; None if there is none.
         signed: the value is a two's complement.
-        eeprom: it outlives a power cut, and a lock keeps it from being written.
+        eeprom: it is persistent, and a lock protects it from writes.
     """
 
     name: str
@@ -25,7 +25,7 @@ class Register:
 
     @property
     def end(self) -> int:
-        """Address behind the register."""
+        """Address after the register."""
         return self.address + self.width
 
     def decode(self, data: bytes) -> int:
@@ -36,7 +36,7 @@ class Register:
         return -(raw & ((1 << self.sign_bit) - 1))
 
     def encode(self, value: int) -> bytes:
-        """Bytes of a value. Raises ValueError where the register cannot hold it."""
+        """Bytes of a value. Raises ValueError if it is out of range."""
         lowest, highest = self._bounds()
         if not lowest <= value <= highest:
             raise ValueError(f"{self.name} holds {lowest} to {highest}, not {value}")

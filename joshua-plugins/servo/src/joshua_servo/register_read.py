@@ -18,10 +18,10 @@ def read_registers(
     *,
     within_s: float = math.inf,
 ) -> dict[int, dict[Register, bytes]]:
-    """Bytes of each register by servo id; a servo that does not answer every request is left out.
+    """Bytes of each register by servo id, without servos that do not reply to every request.
 
     Args:
-        within_s: of each request; no retry begins later than this.
+        within_s: of each request. No retry begins later than this.
 
     Raises PortDisconnected.
     """
@@ -42,7 +42,7 @@ def read_registers(
 
 
 def _groups(registers: list[Register], over_gaps: bool) -> Iterator[list[Register]]:
-    """Register that one request reads: neighbours, or all where the bytes between them may be read."""
+    """Registers for one request: neighbours, or all if the bytes between them may be read."""
     group: list[Register] = []
     for register in registers:
         if group and not over_gaps and register.address != group[-1].end:

@@ -1,4 +1,4 @@
-"""What comes back over a servo bus."""
+"""Replies on a servo bus."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 
 
 class Reply(NamedTuple):
-    """A status packet of one servo; ``error`` carries what the servo says of the request and of itself."""
+    """A status packet of one servo. ``error`` is the servo's error byte."""
 
     servo_id: int
     error: int
@@ -15,9 +15,9 @@ class Reply(NamedTuple):
 
 
 class ReplySearch(Protocol):
-    """Replies in received bytes; ``broken`` counts packets with a wrong checksum."""
+    """Finds replies in received bytes. ``broken`` counts packets with a wrong checksum."""
 
     broken: int
 
     def feed(self, data: bytes) -> Iterator[Reply]:
-        """Add bytes; yield each complete reply, skipping noise."""
+        """Add bytes. Yield each complete reply, skipping noise."""

@@ -1,6 +1,6 @@
-"""Brings an arm into its safe state without its driver: for the process that outlives a killed one.
+"""Brings an arm into its safe state without its driver, for the guardian.
 
-Needs the port and nothing of the driver's state. Light to import: no numpy, no pydantic.
+Needs only the port, not the driver's state. Light to import: no numpy, no pydantic.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from joshua_servo.tuning import StoredRegister, restore
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-RETRY_S = 0.01  # between attempts to open a port that its dying owner still holds
-RELEASE_RESERVE_S = 0.15  # of the time for parking, kept for letting go and verifying
+RETRY_S = 0.01  # between attempts to open a port that its ending owner still uses
+RELEASE_RESERVE_S = 0.15  # of the time for parking, reserved for releasing and verifying
 PADDING = bytes(64)  # longer than any packet of a driver
 ARRIVED_TICKS = 30  # about 2.6°
 PARK_SPEED_TICKS_S = 500  # about 0.8 rad/s
@@ -32,14 +32,14 @@ PARK_SPEED_TICKS_S = 500  # about 0.8 rad/s
 
 @dataclass(frozen=True)
 class ServoStopRequest(SafeStopRequest):
-    """What is to be done to which servos; a driver derives its own, which names the family and the bus.
+    """The safe stop of servos. A driver derives a class that names the family and the bus.
 
     Attributes:
         path, serial_number, vid_pid, device_root, baudrate: the port.
         park_ticks: pose of PARK_THEN_RELEASE by servo id; park_speed_ticks_s: how fast.
-        eeprom: what the driver changed in the EEPROM, as it was before, by servo id.
+        eeprom: original values of the EEPROM registers that the driver changed, by servo id.
         grips: joints that may hold an object, by servo id: the squeeze beyond the position in ticks, and the
-            value of the torque limit. HOLD keeps that much of a goal in front of them.
+            value of the torque limit. HOLD keeps the goal that far beyond the position.
         torque_limit: address and width of the register of that limit.
     """
 
@@ -60,7 +60,7 @@ class ServoStopRequest(SafeStopRequest):
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> Self:
-        """Read what ``to_values`` wrote: JSON has lists for tuples, and names for numbers as keys."""
+        """Read the result of ``to_values``: JSON has lists instead of tuples, and strings as keys."""
         park = {int(key): ticks for key, ticks in values.get("park_ticks", {}).items()}
         eeprom = {int(key): [tuple(row) for row in rows] for key, rows in values.get("eeprom", {}).items()}
         grips = {int(key): tuple(grip) for key, grip in values.get("grips", {}).items()}
@@ -68,18 +68,18 @@ class ServoStopRequest(SafeStopRequest):
         return cls(**{**values, **typed, "torque_limit": tuple(values.get("torque_limit", (0, 0)))})
 
     def run(self) -> SafeStopResult:
-        """Take the port, applies the safe state and verify it; never raises for what a device does."""
+        """Open the port, apply the safe state and verify it. Never raises errors of the device."""
         return run(self, self.family, self.make_bus).result()
 
 
 @dataclass
 class SafeStopReport:
-    """What was reached, as read back from the servos.
+    """The result, as read back from the servos.
 
     Attributes:
         joints: ``held``, ``released``, ``was off`` or ``not verified`` by servo id.
         duration_s: from the call to the verification.
-        detail: what stood in the way, "" if nothing did.
+        detail: what prevented the safe state, "" for nothing.
     """
 
     action: str
@@ -93,13 +93,13 @@ class SafeStopReport:
         return all(state != "not verified" for state in self.joints.values())
 
     def result(self) -> SafeStopResult:
-        """The report as others read it."""
+        """The report in the common form."""
         joints = {str(servo_id): state for servo_id, state in self.joints.items()}
         return SafeStopResult(joints, self.action, self.detail, self.duration_s)
 
 
 def run(request: ServoStopRequest, family: ServoFamily, make_bus: type[ServoBus]) -> SafeStopReport:
-    """Take the port, applies the safe state and verify it; never raises for what a device does.
+    """Open the port, apply the safe state and verify it. Never raises errors of the device.
 
     Bounded by ``timeout_s`` plus the time of one request to every servo.
     """
@@ -131,7 +131,7 @@ class _SafeStop:
         self._bus = make_bus(self._port, retries=1)
 
     def run(self) -> None:
-        """Act; begin anew where the adapter goes away meanwhile and comes back in time."""
+        """Act, and restart if the adapter is disconnected and returns in time."""
         while True:
             try:
                 self._act()
@@ -144,10 +144,10 @@ class _SafeStop:
 
     def _act(self) -> None:
         self._open()
-        # A driver that was killed may have left half a packet: servos would take ours for the rest of it.
+        # A killed driver may have left an incomplete packet, and servos would treat this one as its rest.
         self._port.send(PADDING)
         if self.request.action == "RELEASE":
-            self._send_release()  # first of all; whether the adapter echoes matters only for what is read
+            self._send_release()  # first of all; an echo of the adapter matters only for reading
         self._bus.detect_echo()
         if self.request.action == "HOLD":
             self._hold()
@@ -162,7 +162,7 @@ class _SafeStop:
         self._port.close()
 
     def _open(self) -> None:
-        """Open the port as soon as its last owner is gone, or the adapter is back and open to this user."""
+        """Open the port as soon as its last owner has ended, or the adapter is back and accessible."""
         while True:
             try:
                 self._port.open()
@@ -177,7 +177,7 @@ class _SafeStop:
         return time.monotonic() < self._deadline_s
 
     def _states(self, ids: tuple[int, ...]) -> dict[int, tuple[bool, int, int]]:
-        """Torque, goal and present position in ticks of the servos that answer."""
+        """Torque, goal and present position in ticks of the servos that reply."""
         family = self._family
         torque, goal, present = family.torque_enable, family.goal_position, family.present_position
         found = read_registers(self._bus, family, (torque, goal, present), ids)
@@ -210,7 +210,7 @@ class _SafeStop:
                 return
 
     def _park(self) -> None:
-        """Move energised joints to the park pose; give up in time to let go within the deadline."""
+        """Move energised joints to the park pose, leaving enough time to release them within the deadline."""
         deadline_s = self._deadline_s - RELEASE_RESERVE_S
         going = {i: ticks for i, ticks in self.request.park_ticks.items() if i in self.report.joints}
         register = self._family.speed
@@ -235,7 +235,7 @@ class _SafeStop:
             self._bus.sync_write(goal.address, goal.width, rows)
 
     def _limit_grips(self, ids: Sequence[int]) -> None:
-        """Lowers the torque of joints that may hold an object, or pressing on it would trip them."""
+        """Lower the torque of joints that may hold an object, because pressing on it would trip them."""
         address, width = self.request.torque_limit
         grips = self.request.grips
         if rows := {i: grips[i][1].to_bytes(width, "little") for i in ids if i in grips}:

@@ -1,4 +1,4 @@
-"""Servo buses outside a run: which servos are there, and giving one its id and line speed."""
+"""Servo buses outside a run: find servos, and assign id and line speed to one."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from joshua_servo.bus_tools import AssignmentFailed, BusTools, FoundMotor
 from joshua_servo.errors import NoReply
 from joshua_servo.register import Register
 
-SWEEP_MARGIN_S = 0.008  # for pings of all ids, most of which nobody has
-LIKELY_IDS = range(21)  # asked again with the full margin: a busy host may miss a reply
+SWEEP_MARGIN_S = 0.008  # for pings of all ids, most of which are unused
+LIKELY_IDS = range(21)  # repeated with the full margin, because a busy host may miss a reply
 ATTEMPTS = 3
 
-#: For a servo that was heard and does not answer now: that is more often a busy host than a servo that left.
+#: For a servo that replied before but not now, more often because of a busy host than a disconnected servo.
 PATIENT_MARGIN_S = 0.06
 
 
 @dataclass(frozen=True)
 class SetUp:
-    """What setting up a servo of one family needs.
+    """Data for setting up a servo of one family.
 
     Attributes:
         torque_enable, motor_id, baudrate: registers; codes: line speeds by their code in the register;
-            other_codes: what some sources say of a code.
-        lock: register that keeps the EEPROM from being written while it is 1; None if torque does that.
-        working: what a servo of an arm needs beside its id: it moves to positions, and answers at once.
-        quiet_s: a line without a byte for this long has nobody who answers a call to all.
-        calls: how often all are called before nobody is believed to be there.
-        looks: how often a scan goes through the line speeds while it finds nobody at any of them, or where
-            this process was held up, through those at which it found nobody.
+            other_codes: meaning of a code in some other sources.
+        lock: register that protects the EEPROM from writes while it is 1; None if torque does that.
+        working: further settings of a servo in an arm: position mode and immediate replies.
+        quiet_s: after this time without a byte, no servo replies to a broadcast ping.
+        calls: number of broadcast pings before the bus counts as empty.
+        looks: number of passes through the line speeds while no servo is found or, if this process was
+            stalled, through those without a servo.
     """
 
     torque_enable: Register
@@ -62,10 +62,10 @@ class ServoBusTools(BusTools):
 
     @abstractmethod
     def read_motor(self, bus: ServoBus, servo_id: int) -> FoundMotor:
-        """Read what a servo says of itself. Raises NoReply and PortDisconnected."""
+        """Read the data of a servo. Raises NoReply and PortDisconnected."""
 
     def scan(self, baudrates: Sequence[int] = ()) -> Iterator[FoundMotor]:
-        """Look for servos at each line speed; yield each as it is found. Raises PortDisconnected."""
+        """Search for servos at each line speed. Yield each immediately. Raises PortDisconnected."""
         clock = witness()
         with self._line_speed_kept():
             speeds = tuple(baudrates or self.baudrates)
@@ -82,7 +82,7 @@ class ServoBusTools(BusTools):
         """Give one servo its id and line speed, position mode and immediate replies.
 
         Raises:
-            AssignmentFailed: it did not take them, or the id is taken.
+            AssignmentFailed: it did not accept them, or the id is in use.
             PortDisconnected: the adapter was unplugged meanwhile.
         """
         self._require_possible(motor, motor_id, baudrate)
@@ -119,7 +119,7 @@ class ServoBusTools(BusTools):
             _put(bus, servo_id, self.set_up.lock, value)
 
     def _put_baudrate(self, bus: ServoBus, servo_id: int, baudrate: int) -> None:
-        """Write the line speed and follow it. Raises DeviceError; the port then has the former speed."""
+        """Write the line speed and switch to it. Raises DeviceError; the port then has its old speed."""
         former = self.port.baudrate
         if baudrate == former:
             return
@@ -144,7 +144,7 @@ class ServoBusTools(BusTools):
         raise NoReply(f"id {servo_id} does not answer at {baudrate} bit/s.")
 
     def _roll_back(self, motor: FoundMotor, motor_id: int, baudrate: int) -> str:
-        """Put id and line speed back as far as the servo answers; say what it answers to now."""
+        """Restore id and line speed if the servo replies. Returns the present ones."""
         for speed in dict.fromkeys((motor.baudrate, baudrate)):
             for servo_id in dict.fromkeys((motor.motor_id, motor_id)):
                 bus = self._bus_at(speed)
@@ -195,7 +195,7 @@ class ServoBusTools(BusTools):
                 )
 
     def _bus_at(self, baudrate: int) -> ServoBus | None:
-        """A fresh bus at a line speed; None if the adapter cannot run at it."""
+        """A new bus at a line speed; None if the adapter does not support it."""
         try:
             self.port.set_baudrate(baudrate)
         except PortUnusable:
@@ -206,7 +206,7 @@ class ServoBusTools(BusTools):
         return bus
 
     def _look(self, baudrates: Sequence[int]) -> Iterator[FoundMotor]:
-        """Go through the line speeds once."""
+        """Search all line speeds once."""
         for baudrate in baudrates:
             bus = self._bus_at(baudrate)
             if bus is None:
@@ -227,14 +227,14 @@ class ServoBusTools(BusTools):
         return []
 
     def _sweep(self, bus: ServoBus) -> list[int]:
-        """Pings every id there is."""
+        """Ping every valid id."""
         heard = bus.roll_call(self.ids, SWEEP_MARGIN_S)
         for _ in range(ATTEMPTS - 1):
             heard |= bus.roll_call((i for i in LIKELY_IDS if i not in heard), REPLY_MARGIN_S)
         return sorted(heard)
 
     def _describe(self, bus: ServoBus, servo_id: int) -> FoundMotor | None:
-        """What a servo says of itself; None if it no longer answers."""
+        """The data of a servo; None if it no longer replies."""
         for _ in range(ATTEMPTS):
             corrupt = bus.counters.corrupt
             try:
@@ -257,17 +257,17 @@ class ServoBusTools(BusTools):
 def _put(
     bus: ServoBus, servo_id: int, register: Register, value: int, *, answers_as: int | None = None
 ) -> None:
-    """Write a register unless it holds the value already, and read it back. Raises NoReply.
+    """Write a register unless it already has the value, and read it back. Raises NoReply.
 
     Args:
-        answers_as: id under which the servo answers once the register holds the value.
+        answers_as: id of the servo after the write.
     """
     reader = servo_id if answers_as is None else answers_as
     if reader == servo_id and bus.read(reader, register) == value:
         return
     kept: int | None = None
     for _ in range(ATTEMPTS):
-        bus.try_write(servo_id, register, value)  # a servo that acknowledges nothing is told to do so here
+        bus.try_write(servo_id, register, value)  # sets a servo that acknowledges nothing to acknowledge
         with contextlib.suppress(NoReply):
             kept = bus.read(reader, register)
             if kept == value:

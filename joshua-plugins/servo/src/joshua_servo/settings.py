@@ -20,12 +20,12 @@ MIDDLE_TICK = TICKS_PER_TURN // 2
 _VID_PID = re.compile(r"[0-9a-fA-F]{4}:[0-9a-fA-F]{4}")
 
 
-#: Name of the joint that is a gripper unless the file says otherwise.
+#: Name of the joint that is a gripper by default.
 GRIPPER = "gripper"
 
 
 class ServoJoint(BaseModel):
-    """Settings of one servo; None keeps the servo's own value, or takes the default of a gripper.
+    """Settings of one servo. None keeps the servo's value or, for a gripper, means its default.
 
     Attributes:
         motor_id: None in an entry that applies to every servo.
@@ -33,7 +33,7 @@ class ServoJoint(BaseModel):
     """
 
     model_config: ClassVar[ConfigDict] = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-    #: What a gripper is set to unless the file says otherwise.
+    #: Default settings of a gripper.
     gripper_defaults: ClassVar[Mapping[str, float]]
 
     motor_id: int | None = None
@@ -49,15 +49,15 @@ class ServoJoint(BaseModel):
 
     @property
     def overload(self) -> tuple[float, float]:
-        """Load in % that trips the servo, and for how long it must last in s."""
+        """Load in % that trips the servo, and its duration in s."""
         raise NotImplementedError(f"{type(self).__name__} has no overload")
 
     def over(self, general: Self | None) -> Self:
-        """These settings, completed by those that apply to every servo."""
+        """These settings, completed with those for every servo."""
         return self if general is None else self.model_copy(update=_given(general) | _given(self))
 
     def of_gripper(self) -> Self:
-        """These settings, completed by the defaults of a gripper."""
+        """These settings, completed with the defaults of a gripper."""
         return self.model_copy(update={"gripper": True, **self.gripper_defaults} | _given(self))
 
 
@@ -74,7 +74,7 @@ def _given(joint: ServoJoint) -> dict[str, Any]:
 
 
 class ServoSettings(SerialSettings, ActuatorSettings):
-    """What the driver is set to. Ticks stay ticks here: the servo counts in them.
+    """Settings of the driver. Positions stay in ticks, the unit of the servo.
 
     Attributes:
         joint: settings of single servos.
@@ -83,7 +83,7 @@ class ServoSettings(SerialSettings, ActuatorSettings):
 
     #: Name of the servos in messages.
     servo_name: ClassVar[str]
-    #: Line speeds that they know, and the one that they leave the factory with, bit/s.
+    #: Supported line speeds and the factory setting, bit/s.
     line_speeds: ClassVar[tuple[int, ...]]
     factory_speed: ClassVar[int]
     #: Settings of one servo.
@@ -214,7 +214,7 @@ class ServoSettings(SerialSettings, ActuatorSettings):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Name of the joints in the order of motor_ids: the calibration's, else ``joint_<id>``."""
+        """Names of the joints in the order of motor_ids: the calibration's, else ``joint_<id>``."""
         motors = [self.calibration.motor(i) if self.calibration else None for i in self.motor_ids]
         return tuple(
             motor.joint_name if motor else f"joint_{servo_id}"
@@ -233,7 +233,7 @@ class ServoSettings(SerialSettings, ActuatorSettings):
         return tuple(found)
 
     def register_values(self) -> dict[int, dict[Register, int]]:
-        """Values of the registers behind the settings of each servo, by its id; those with settings only."""
+        """Register values for the settings of each servo, by id, only for servos with settings."""
         values = {}
         for index, (servo_id, joint) in enumerate(zip(self.motor_ids, self.joint_settings, strict=True)):
             row = {
@@ -246,12 +246,12 @@ class ServoSettings(SerialSettings, ActuatorSettings):
         return values
 
     def steps(self, name: str, index: int) -> float:
-        """Step of a register in one unit of a setting, where that depends on the servo."""
+        """Steps of a register per unit of a setting, if that depends on the servo."""
         raise NotImplementedError(f"{type(self).__name__} has no unit for {name} of servo {index}")
 
     @property
     def zero_ticks(self) -> float:
-        """Position that stands for zero radians: 2048 once calibrated, else the middle of the range."""
+        """Position of zero radians: 2048 if calibrated, else the middle of the range."""
         if self.calibration is not None:
             return float(MIDDLE_TICK)
         return (self.position_min_ticks + self.position_max_ticks) / 2

@@ -1,4 +1,4 @@
-"""Reads the state of all servos of an arm, and says which of them are gone."""
+"""Reads the state of all servos of an arm, and reports missing ones."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from joshua_servo.errors import NoReply
 from joshua_servo.family import ServoFamily
 from joshua_servo.feedback import Feedback
 
-#: So often an arm is asked where nothing is in a hurry: about as long as its control loop bears a silence.
+#: Attempts without time pressure: about as long as the control loop tolerates missing replies.
 SETTLED_ATTEMPTS = 10
 
-#: A control loop that is silent for 0.2 s counts as hung; all retries take less where nobody else is busy.
+#: A control loop without heartbeat for 0.2 s counts as hung. On an idle machine, all retries take less.
 CYCLE_S = 0.06
 
 #: Distance of two requests while servos are silent: requests must not run out of lengths that tell a late
 #: reply to one of them from the reply to another (see ``bus``), for as long as a node bears a silence.
 SILENT_PERIOD_S = 0.08
 
-#: Positions further apart in time than this and the line's own time are read once more: one stamp would be
-#: true of none of them.
+#: Positions further apart than this plus the wire time are read again, because one stamp would be wrong for
+#: all.
 COHERENT_NS = 30_000_000
 
 
@@ -55,11 +55,11 @@ class StateReader:
 
     @property
     def missed(self) -> bool:
-        """Whether a servo did not answer the last reading."""
+        """Whether a servo did not reply to the last reading."""
         return self._missed
 
     def settled_feedback(self) -> list[Feedback]:
-        """Feedback where nothing is in a hurry, and a machine that starts a run may stand still for a moment.
+        """Feedback without time pressure, for a machine that may stall during the start of a run.
 
         Raises NoReply and PortDisconnected.
         """
@@ -72,9 +72,8 @@ class StateReader:
     def feedback(self) -> tuple[list[Feedback], int]:
         """Feedback in joint order, and its time in ns since the epoch.
 
-        After a servo did not answer it is asked once for each call: who reads has more to do than to wait.
-        Replies that took long to come are read anew, so that the time is that of all positions; the quicker
-        of both readings counts.
+        A servo that did not reply gets only one attempt per call, because the control loop must not wait.
+        Delayed replies are read again, so that the time applies to all positions; the faster reading counts.
         Raises NoReply and PortDisconnected.
         """
         if self._missed and time.monotonic() < self._next_s:
@@ -95,7 +94,7 @@ class StateReader:
         return round(self._bus.port.wire_time_s(size * len(self._ids)) * 1e9)
 
     def _timed(self, *, retries: int | None) -> tuple[dict[int, bytes], int, int]:
-        """Feedback of the servos that answer, the middle of the time that it took, and that time."""
+        """Feedback of the servos that reply, the middle of the reading's duration, and that duration."""
         address, length = self._family.feedback
         before_ns = self._stamps.now_ns()
         found = self._bus.sync_read(address, length, self._ids, retries=retries, within_s=CYCLE_S)
@@ -103,7 +102,7 @@ class StateReader:
         return found, before_ns + spread_ns // 2, spread_ns
 
     def found_positions(self, within_s: float) -> dict[int, int]:
-        """Positions in ticks of the servos that answer, by id. Raises PortDisconnected.
+        """Positions in ticks of the servos that reply, by id. Raises PortDisconnected.
 
         Args:
             within_s: no retry begins later than this.
@@ -113,18 +112,18 @@ class StateReader:
         return {servo_id: present.decode(value) for servo_id, value in values.items()}
 
     def require_all(self, found: Collection[int]) -> None:
-        """Raise NoReply where a servo is missing among those found."""
+        """Raise NoReply if a servo is missing among those found."""
         if len(found) < len(self._ids):
             self._all(dict.fromkeys(found, b""))
 
     def positions(self) -> list[int]:
-        """Positions in ticks, as the servos count. Raises NoReply and PortDisconnected."""
+        """Positions in the servos' ticks. Raises NoReply and PortDisconnected."""
         present = self._family.present_position
         values = self._all(self._bus.sync_read(present.address, present.width, self._ids))
         return [present.decode(value) for value in values]
 
     def _all(self, values: Mapping[int, bytes]) -> list[bytes]:
-        """Values in joint order. Raises NoReply where some are missing."""
+        """Values in joint order. Raises NoReply if some are missing."""
         missing = [servo_id for servo_id in self._ids if servo_id not in values]
         if not missing:
             return [values[servo_id] for servo_id in self._ids]

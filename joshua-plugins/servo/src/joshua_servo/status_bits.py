@@ -1,4 +1,4 @@
-"""What the bits of a servo's status mean."""
+"""Meaning of the bits in a servo's status."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class StatusBits:
 
     Attributes:
         names: words for each bit.
-        voltage: the bit of a supply out of range, which may come and go for a moment.
+        voltage: the bit of a supply out of range, which may be set briefly.
         overload: the bit of an overload.
     """
 
@@ -22,16 +22,16 @@ class StatusBits:
 
     @property
     def known(self) -> int:
-        """All bits that have a meaning."""
+        """All defined bits."""
         return sum(self.names)
 
     @property
     def at_once(self) -> int:
-        """Bits that take the torque off as soon as they are seen."""
+        """Bits that disable the torque immediately."""
         return self.known & ~self.voltage
 
     def describe(self, bits: int) -> str:
-        """Name of the set bits, "" if none is set."""
+        """Names of the set bits, "" if none is set."""
         names = [name for bit, name in self.names.items() if bits & bit]
         unknown = bits & ~self.known
         return ", ".join([*names, *([f"unknown bits 0x{unknown:02x}"] if unknown else [])])

@@ -1,4 +1,4 @@
-"""The conformance check of bus tools: finding motors on a bus, and giving one its id and line speed."""
+"""The conformance check of bus tools: finding motors on a bus, and assigning id and line speed."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ def check_bus_tools(
 ) -> None:
     """Check a driver's tools against the contract of ``joshua_servo.bus_tools.BusTools``.
 
-    The bus needs two motors or more, at one line speed. The first of them gets another id and another line
-    speed, and its own again. No torque is switched on.
+    The bus needs two or more motors at one line speed. The first one gets another id and line speed, then its
+    own again. Torque stays off.
 
     Args:
-        factory: makes tools on an open port of the bus; each call new ones on a port of their own, which is
+        factory: makes tools on an open port of the bus. Each call makes new ones on a separate port, which is
             closed before the next call.
-        unplug: makes the adapter of an open port vanish; without it the clause about disconnection is left
-            out.
-        only: names of the clauses to check, such as ``("scan",)`` while one is mended; empty for all.
+        unplug: disconnects the adapter of an open port. Without it, the clause about disconnection is
+            skipped.
+        only: names of the clauses to check, such as ``("scan",)`` while you fix one; empty for all.
 
     Raises:
         ConformanceError: lists every violated clause: what was observed, why it is wrong, the likely cause.
@@ -40,7 +40,7 @@ def check_bus_tools(
     clauses = _BusToolsClauses(factory)
     checklist = Checklist(name_of(factory, lambda tools: tools.port.close()), only)
     if not checklist.run("constructor", clauses.constructor):
-        checklist.finish()  # without a port there is nothing to look at
+        checklist.finish()  # without a port there is nothing to check
         return
     checklist.run("description", clauses.description)
     if checklist.run("scan", clauses.scan):
@@ -63,7 +63,7 @@ class _BusToolsClauses:
         self._found: list[FoundMotor] = []
 
     def constructor(self) -> None:
-        """The tools work on the port that they are given, and begin nothing by themselves."""
+        """The tools use the given port and start nothing by themselves."""
         with self._tools() as tools:
             require(
                 isinstance(tools, BusTools),
@@ -88,12 +88,12 @@ class _BusToolsClauses:
             )
 
     def description(self) -> None:
-        """What the motors are called and can be set to."""
+        """Name and settings of the motors."""
         with self._tools() as tools:
             check_description(tools)
 
     def scan(self) -> None:
-        """Motors are yielded one by one, by line speed and then by id, each with what it says of itself."""
+        """Motors are yielded one by one, by line speed and then by id, each with its data."""
         with self._tools() as tools:
             found = tools.scan()
             require(
@@ -127,7 +127,7 @@ class _BusToolsClauses:
             self._found = motors
 
     def chosen_speeds(self) -> None:
-        """Only the line speeds that were asked for are looked at, and the same motors are there again."""
+        """Only the requested line speeds are searched, with the same motors."""
         with self._tools() as tools:
             home, *others = self._speeds(tools)
             for asked in ((others[0],), (others[0], home)) if others else ((home,),):
@@ -143,7 +143,7 @@ class _BusToolsClauses:
                 )
 
     def line_speed(self) -> None:
-        """The port has its own line speed again, whatever happened."""
+        """The port's line speed is restored in all cases."""
         with self._tools() as tools:
             speeds = self._speeds(tools)
             for speed in speeds:
@@ -156,7 +156,7 @@ class _BusToolsClauses:
             self._require_speed(tools, speeds[-1], "a scan that was left half-way")
 
     def assign(self) -> None:
-        """The motor answers to its new id and to no other, and the others are as before."""
+        """The motor replies only to its new id, and the others are unchanged."""
         with self._tools() as tools:
             motor, *others = self._motors(tools)
             free, speed = self._free_ids(tools)[0], tools.port.baudrate
@@ -175,7 +175,7 @@ class _BusToolsClauses:
             tools.assign(after, motor.motor_id, motor.baudrate)
 
     def assign_again(self) -> None:
-        """A motor that has its id already is left as it is."""
+        """A motor that already has its id is unchanged."""
         with self._tools() as tools:
             motor = self._motors(tools)[0]
             after = tools.assign(motor, motor.motor_id, motor.baudrate)
@@ -188,7 +188,7 @@ class _BusToolsClauses:
             )
 
     def assign_speed(self) -> None:
-        """The motor answers at its new line speed and at no other."""
+        """The motor replies only at its new line speed."""
         with self._tools() as tools:
             motor, *others = self._motors(tools)
             home, *more = self._speeds(tools)
@@ -211,7 +211,7 @@ class _BusToolsClauses:
             tools.assign(after, motor.motor_id, motor.baudrate)
 
     def refused(self) -> None:
-        """What cannot be, or would make two motors one, is refused and changes nothing."""
+        """Invalid values and duplicate ids are refused without a change."""
         with self._tools() as tools:
             motor, other, *_ = self._motors(tools)
             home, speed = motor.baudrate, tools.port.baudrate
@@ -261,7 +261,7 @@ class _BusToolsClauses:
             )
 
     def disconnection(self, unplug: Callable[[BusTools], None]) -> None:
-        """An adapter that was pulled out ends everything."""
+        """A disconnected adapter raises an error."""
         with self._tools() as tools:
             motor = self._motors(tools)[0]
             unplug(tools)
@@ -289,11 +289,11 @@ class _BusToolsClauses:
 
     @contextmanager
     def _put_back(self, tools: BusTools) -> Iterator[None]:
-        """Where the clause fails, the first motor gets its id and speed again as far as it is found."""
+        """If the clause fails, restore id and speed of the first motor if it is found."""
         try:
             yield
         except BaseException:
-            with suppress(Exception):  # what has failed already says more
+            with suppress(Exception):  # the first failure is more informative
                 motor, *others = self._motors(tools)
                 for found in list(tools.scan(self._speeds(tools))):
                     if _places([found])[0] not in _places(others):
@@ -307,7 +307,7 @@ class _BusToolsClauses:
         return self._found
 
     def _speeds(self, tools: BusTools) -> tuple[int, ...]:
-        """The line speed of the motors, and the most usual one at which there is none, if any."""
+        """The line speed of the motors, and the most common one without motors, if any."""
         home = self._motors(tools)[0].baudrate
         return (home, *[speed for speed in tools.baudrates if speed != home][:1])
 

@@ -1,4 +1,4 @@
-"""Clauses about what bus tools say: of themselves, and of the motors that they find."""
+"""Clauses about the data of bus tools and of the motors that they find."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PLAUSIBLE_V, PLAUSIBLE_C = (1.0, 60.0), (-40.0, 150.0)
 
 
 def check_description(tools: BusTools) -> None:
-    """What the motors are called and can be set to."""
+    """Name and settings of the motors."""
     family, speeds, ids = tools.family, tools.baudrates, tools.ids
     models, factory_id = tools.expected_models, tools.factory_id
     require(
@@ -47,7 +47,7 @@ def check_description(tools: BusTools) -> None:
 
 
 def check_motor(motor: object, tools: BusTools) -> None:
-    """A motor says what it is, in V and °C."""
+    """The data of a motor, in V and °C."""
     require(
         isinstance(motor, FoundMotor),
         f"scan() yielded {type(motor).__name__}",

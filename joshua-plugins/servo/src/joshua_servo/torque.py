@@ -14,9 +14,9 @@ from joshua_servo.register import Register
 from joshua_servo.register_read import read_registers
 
 ATTEMPTS = 3
-LAPSE_S = 0.0  # no retries: it is a look between two control cycles, which comes again
+LAPSE_S = 0.0  # no retries, because this check between control cycles is repeated anyway
 
-#: Values of the registers of a move beside the goal.
+#: Register values of a move without the goal.
 MoveValues = Mapping[Register, int]
 
 
@@ -40,15 +40,15 @@ class TorqueSwitch:
     def switch_on(
         self, goals_ticks: Sequence[int], values: Sequence[MoveValues], only: Collection[int] | None = None
     ) -> None:
-        """Seed goal, speed and acceleration in one packet, switches torque on, and verify all of it.
+        """Write goal, speed and acceleration in one packet, enable torque, and verify everything.
 
         Args:
-            goals_ticks: where the joints are now, in joint order.
-            values: what the other registers of a move get, in joint order.
+            goals_ticks: present positions, in joint order.
+            values: values of the other registers of a move, in joint order.
             only: ids of the servos that get torque; None for all.
 
         Raises:
-            DeviceError: a servo did not take it; then the torque of all these joints is off.
+            DeviceError: a servo did not accept it. Then the torque of all these joints is off.
         """
         family, torque = self._family, self._family.torque_enable
         rows = {}
@@ -77,7 +77,7 @@ class TorqueSwitch:
         )
 
     def switch_off(self, only: Collection[int] | None = None) -> None:
-        """Take torque off all joints, or some. Raises NoReply without confirmation, and PortDisconnected."""
+        """Disable the torque of all or some joints. Raises NoReply and PortDisconnected."""
         ids = tuple(servo_id for servo_id in self._ids if only is None or servo_id in only)
         self._kept = {servo_id: row for servo_id, row in self._kept.items() if servo_id not in ids}
         torque = self._family.torque_enable
@@ -94,7 +94,7 @@ class TorqueSwitch:
         )
 
     def read(self) -> dict[str, bool]:
-        """Which joints have torque, by name. Raises NoReply where one does not say, and PortDisconnected."""
+        """Whether each joint has torque, by name. Raises NoReply and PortDisconnected."""
         torque = self._family.torque_enable
         found = self._bus.sync_read(torque.address, torque.width, self._ids)
         if silent := [servo_id for servo_id in self._ids if servo_id not in found]:
@@ -102,15 +102,15 @@ class TorqueSwitch:
         return {self._names[i]: torque.decode(found[i]) != 0 for i in self._ids}
 
     def lapsed(self) -> str:
-        """Name joints that lost torque or speed settings by themselves, as a power cut does; "" for none.
+        """Name joints that lost torque or speed settings by themselves, as by a power cut; "" for none.
 
-        Servos that do not answer are not judged. Raises PortDisconnected.
+        Ignores servos that do not reply. Raises PortDisconnected.
         """
         lapsed = []
         for servo_id, found in self._states(within_s=LAPSE_S).items():
             kept = self._kept.get(servo_id)
             if kept is None:
-                continue  # its torque was taken off on purpose
+                continue  # its torque was disabled on purpose
             has_torque = found[self._family.torque_enable] == self._on
             if not has_torque or {register: found[register] for register in kept} != kept:
                 lapsed.append(servo_id)

@@ -20,7 +20,7 @@ class Tuning:
     """The settings of one arm's servos.
 
     Args:
-        values: of the registers behind the settings, by servo id.
+        values: register values of the settings, by servo id.
     """
 
     def __init__(
@@ -29,18 +29,18 @@ class Tuning:
         self._bus = bus
         self._family = family
         self._values = values
-        self._before: dict[int, dict[Register, int]] = {}  # of the EEPROM, as it was found
+        self._before: dict[int, dict[Register, int]] = {}  # original values of the EEPROM
 
     @property
     def before(self) -> dict[int, list[StoredRegister]]:
-        """What the EEPROM held before it was changed, by servo id."""
+        """Original values of the changed EEPROM registers, by servo id."""
         return {
             servo_id: [(register.address, register.width, value) for register, value in row.items()]
             for servo_id, row in self._before.items()
         }
 
     def apply(self) -> None:
-        """Write what differs and read it back. Raises NoReply, ServoRefused and PortDisconnected."""
+        """Write changed values and read them back. Raises NoReply, ServoRefused and PortDisconnected."""
         registers = {register for row in self._values.values() for register in row}
         if not registers:
             return
@@ -62,13 +62,13 @@ class Tuning:
             self._bus.write_checked(servo_id, {r: v for r, v in changed.items() if not r.eeprom})
 
     def restore(self) -> None:
-        """Write back what the EEPROM held. Raises NoReply, ServoRefused and PortDisconnected."""
+        """Restore the EEPROM. Raises NoReply, ServoRefused and PortDisconnected."""
         restore(self._bus, self.before)
         self._before = {}
 
 
 def restore(bus: ServoBus, before: Mapping[int, Iterable[StoredRegister]]) -> None:
-    """Write registers of the EEPROM back; try every servo before it raises the first error.
+    """Restore registers of the EEPROM. Tries every servo before raising the first error.
 
     Raises NoReply, ServoRefused and PortDisconnected.
     """

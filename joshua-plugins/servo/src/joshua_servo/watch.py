@@ -1,4 +1,4 @@
-"""Watches temperature, voltage and load of an energised arm, and says when its torque must go."""
+"""Watches temperature, voltage and load of an energised arm, and decides when to disable its torque."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from joshua_servo.feedback import Feedback
 from joshua_servo.status_bits import StatusBits
 
-CONSECUTIVE_SAMPLES = 3  # a voltage dips for a moment when several joints start at once
-TEMPERATURE_MARGIN_C = 10  # from here to the limit is a warning
+CONSECUTIVE_SAMPLES = 3  # the voltage dips briefly when several joints start together
+TEMPERATURE_MARGIN_C = 10  # from this value to the limit is a warning
 
 
 @dataclass(frozen=True)
 class HealthLimits:
-    """Limits of one servo, as its EEPROM holds them."""
+    """Limits of one servo, from its EEPROM."""
 
     max_temperature_c: int = 70
     min_voltage_v: float = 4.0
@@ -22,7 +22,7 @@ class HealthLimits:
 
 
 class HealthWatch:
-    """Judges feedback; one for each arm.
+    """Evaluates the feedback of one arm.
 
     Args:
         names: joint names; limits: of each servo, in the same order.
@@ -36,7 +36,7 @@ class HealthWatch:
         self._voltage_samples = [0] * len(self._names)
 
     def reset(self) -> None:
-        """Begin to count anew."""
+        """Reset the counters."""
         self._voltage_samples = [0] * len(self._names)
 
     def is_overload_alone(self, reading: Feedback) -> bool:
@@ -44,17 +44,17 @@ class HealthWatch:
         return reading.status & self.status.at_once == self.status.overload
 
     def reported(self, index: int, reading: Feedback) -> str:
-        """What a servo reports, for a person."""
+        """The reported errors of a servo, for a person."""
         return (
             f"{self._names[index]}: the servo reports: {self.status.describe(reading.status)} "
             f"(load {reading.load:+.0%}, {reading.temperature_c} °C, {reading.voltage_v:.1f} V)"
         )
 
     def trip_reason(self, readings: Sequence[Feedback], without: Collection[int] = ()) -> str:
-        """Why the torque must go, "" if all is well; takes one sample of all servos.
+        """Why to disable the torque, "" if there is no reason. Adds one sample of all servos.
 
         Args:
-            without: indices of joints that have no torque any more.
+            without: indices of joints without torque.
         """
         for index, reading in enumerate(readings):
             if index in without:
@@ -76,7 +76,7 @@ class HealthWatch:
         return ""
 
     def warning(self, index: int, reading: Feedback) -> str:
-        """What is close to a limit at one joint, "" if nothing is."""
+        """The value of a joint that is close to a limit, "" if none is."""
         limits = self._limits[index]
         if reading.status:
             return self.status.describe(reading.status)

@@ -104,7 +104,7 @@ class SpikeActuator(Actuator):
 
         Raises:
             DeviceDisconnected: the link or the program on the hub has ended.
-            SafetyTripped: the hub has just stopped the motors by itself; reading goes on after that.
+            SafetyTripped: the hub has just stopped the motors by itself; reading continues after that.
         """
         self.require_connected("read")
         stamped = self._hub.next_state()
@@ -182,7 +182,7 @@ class SpikeActuator(Actuator):
                 self._remember(self._map.radians(state.angles_deg), state.angles_deg)
 
     def release(self) -> None:
-        """Take torque off all motors; does nothing on a closed device.
+        """Disable the torque of all motors; does nothing on a closed device.
 
         Raises:
             DeviceDisconnected: the hub does not say that it has let go.

@@ -168,7 +168,7 @@ class BumbleClient(BaseBleakClient):
             raise
 
     async def disconnect(self) -> None:
-        """End the link; idempotent."""
+        """End the link. Idempotent."""
         if self._connection is not None:
             with contextlib.suppress(BleakError):
                 await _translated(asyncio.wait_for(self._connection.disconnect(), DISCONNECT_TIMEOUT_S))

@@ -44,7 +44,7 @@ class SpikeCalibrationTarget(CalibrationTarget):
         self._hub.close()
 
     def release(self) -> None:
-        """Take torque off all motors; the hub says that it did."""
+        """Disable the torque of all motors; the hub says that it did."""
         self._hub.order("F")
 
     def raw_positions(self) -> tuple[int, ...]:

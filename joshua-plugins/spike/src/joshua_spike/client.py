@@ -60,7 +60,7 @@ class HubClient:
 
     @property
     def session(self) -> HubSession:
-        """The open session. Raises DeviceError where there is none."""
+        """The open session. Raises DeviceError if there is none."""
         if self._session is None:
             raise DeviceError(
                 f"hub {self._settings.device_name!r}: the device is not open: call connect first"
@@ -107,7 +107,7 @@ class HubClient:
         self._seen = 0
 
     def close(self) -> None:
-        """Close the link, the program on the hub goes on; idempotent."""
+        """Close the link. The program on the hub continues. Idempotent."""
         thread, session = self._thread, self._session
         self._thread = self._session = None
         if thread is None or session is None:

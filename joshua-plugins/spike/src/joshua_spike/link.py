@@ -112,7 +112,7 @@ class HubLink:
             delay_s *= 2
 
     async def close(self) -> None:
-        """End the link; idempotent. The program on the hub goes on."""
+        """End the link. Idempotent. The program on the hub continues."""
         self._expects_program = False
         await self._drop()
         adapter, self._adapter = self._adapter, None

@@ -66,7 +66,7 @@ class LoopThread:
             self._loop.call_soon_threadsafe(function, *arguments)
 
     def close(self) -> None:
-        """End what still runs on the loop, then the thread; idempotent."""
+        """End what still runs on the loop, then the thread. Idempotent."""
         loop, thread = self._loop, self._thread
         self._loop = self._thread = None
         if loop is None or thread is None:

@@ -111,7 +111,7 @@ class HubSession:
         self._pump = asyncio.ensure_future(self._run())
 
     async def close(self) -> None:
-        """End the conversation; idempotent."""
+        """End the conversation. Idempotent."""
         pump, self._pump = self._pump, None
         self._closing = True  # besides cancel, which wait_for before Python 3.12 may swallow
         if pump is not None:

@@ -42,12 +42,12 @@ class Sts3215Actuator(ServoArm):
         return Bus(port)
 
     def inspect(self) -> list[ServoSetup]:
-        """Checks the servos on the open bus and reads what their EEPROM says, in joint order."""
+        """Checks the servos on the open bus and reads their EEPROM, in joint order."""
         _, setups = inspect(self._bus, self.settings)
         return setups
 
     def calibration_target(self) -> Sts3215CalibrationTarget:
-        """The servos as a calibration sees them: positions without torque, and their EEPROM."""
+        """The calibration target for the servos: positions without torque, and their EEPROM."""
         from joshua_sts3215.calibration_target import Sts3215CalibrationTarget
 
         return Sts3215CalibrationTarget(self.settings)
@@ -61,7 +61,7 @@ class Sts3215Actuator(ServoArm):
         ]
 
     def clear_faults(self, ids: Sequence[int]) -> None:
-        """Takes torque off once more, which clears what a servo keeps of a fault that is over."""
+        """Disable the torque of once more, which clears what a servo keeps of a fault that is over."""
         self._torque.switch_off(ids)
 
     def check_start(self, positions: Sequence[int], only: Collection[int] | None = None) -> None:

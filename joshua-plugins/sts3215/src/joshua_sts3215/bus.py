@@ -38,7 +38,7 @@ class Bus(ServoBus):
         )
 
     def write_eeprom(self, servo_id: int, values: Mapping[Register, int]) -> None:
-        """Unlocks, writes, reads back and locks; a locked EEPROM drops writes without a word.
+        """Unlocks, writes, reads back and locks; a locked EEPROM ignores writes silently.
 
         Raises:
             NoReply: the servo did not answer, or a register did not keep its value.
@@ -59,7 +59,7 @@ class Bus(ServoBus):
         return request(servo_id, WRITE, bytes((address,)) + data)
 
     def ping_request(self, servo_id: int) -> bytes:
-        """Packet that asks whether a servo is there."""
+        """Packet that pings a servo."""
         return request(servo_id, PING)
 
     def sync_read_request(self, address: int, length: int, ids: Sequence[int]) -> bytes:
@@ -75,7 +75,7 @@ class Bus(ServoBus):
         return request(BROADCAST_ID, SYNC_WRITE, bytes(parameters))
 
     def take_all(self, received: bytes, size: int, ids: Sequence[int]) -> dict[int, bytes] | None:
-        """Every reply of a sync read whole and in its place; None where anything is amiss."""
+        """Every reply of a sync read, complete and in place; None otherwise."""
         step = size + OVERHEAD
         if len(received) != step * len(ids):
             return None

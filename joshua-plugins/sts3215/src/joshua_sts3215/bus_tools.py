@@ -1,4 +1,4 @@
-"""STS3215 buses outside a run: which servos are there, and giving one its id and line speed."""
+"""STS3215 buses outside a run: find servos, and assign id and line speed to one."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Sts3215BusTools(ServoBusTools):
     )
 
     def read_motor(self, bus: ServoBus, servo_id: int) -> FoundMotor:
-        """Reads what a servo says of itself. Raises NoReply and PortDisconnected."""
+        """Reads the data of a servo. Raises NoReply and PortDisconnected."""
         version = bus.read_block(servo_id, *_VERSION)
         limits = bus.read_block(servo_id, *_LIMITS)
         feedback = parse_feedback(bus.read_block(servo_id, *FEEDBACK))

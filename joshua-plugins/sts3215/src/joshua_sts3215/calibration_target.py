@@ -1,4 +1,4 @@
-"""The servos as a calibration sees them: encoder positions without torque, and their EEPROM."""
+"""The calibration target for the servos: encoder positions without torque, and their EEPROM."""
 
 from __future__ import annotations
 
@@ -33,5 +33,5 @@ class Sts3215CalibrationTarget(ServoCalibrationTarget):
         return self._settings.models
 
     def read_setups(self) -> Sequence[ServoSetup]:
-        """Reads the EEPROM of all servos. Raises MotorCheckFailed where one works in another way."""
+        """Reads the EEPROM of all servos. Raises MotorCheckFailed if one has another working mode."""
         return read_setups(self._bus, self._settings.motor_ids)

@@ -1,4 +1,4 @@
-"""Opening an arm: motor check, and what the servos' EEPROM says against the calibration."""
+"""Opening an arm: motor check, and comparison of the servos' EEPROM with the calibration."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from joshua_sts3215.settings import Sts3215Settings
 
 
 def inspect(bus: Bus, settings: Sts3215Settings) -> tuple[list[FoundMotor], list[ServoSetup]]:
-    """Checks motors, working mode and calibration of an open bus; writes nothing.
+    """Checks motors, working mode and calibration of an open bus, without writing.
 
     Raises:
-        MotorCheckFailed: a motor is missing, of another model, or set up for something else.
+        MotorCheckFailed: a motor is missing, of another model, or has other settings.
         CalibrationMismatch: the calibration is not that of these servos.
-        DeviceDisconnected: a servo or the port went away meanwhile.
+        DeviceDisconnected: a servo or the port was disconnected meanwhile.
     """
     bus.detect_echo()
     motors = check_motors(bus, settings.models)
@@ -44,7 +44,7 @@ def inspect(bus: Bus, settings: Sts3215Settings) -> tuple[list[FoundMotor], list
 
 
 def read_setups(bus: Bus, ids: Sequence[int]) -> list[ServoSetup]:
-    """Reads the EEPROM of all servos. Raises MotorCheckFailed where one works in another way."""
+    """Reads the EEPROM of all servos. Raises MotorCheckFailed if one has another working mode."""
     problems: list[str] = []
     setups = [_read_setup(bus, servo_id, problems) for servo_id in ids]
     refuse_setup(bus, problems)
@@ -59,7 +59,7 @@ def _read_setup(bus: Bus, servo_id: int, problems: list[str]) -> ServoSetup:
         return register.decode(block[register.address - start :])
 
     low, high = value(MIN_POSITION), value(MAX_POSITION)
-    if low == high == 0:  # the servo's way to say «no limits»
+    if low == high == 0:  # the servo's way to say "no limits"
         high = TICKS_PER_TURN - 1
     if value(MODE) != POSITION_MODE:
         problems.append(f"id {servo_id} works in mode {value(MODE)}, expected {POSITION_MODE} (position)")

@@ -31,7 +31,7 @@ class Search:
         self.rest = b""
 
     def feed(self, data: bytes) -> Iterator[Reply]:
-        """Adds bytes; yields each complete reply, skipping noise."""
+        """Adds bytes. Yields each complete reply, skipping noise."""
         buffer = self.rest + data
         at = 0
         while True:

@@ -46,7 +46,7 @@ GOAL_POSITION = Register("goal_position", 42, 2, sign_bit=15)  # ticks; a write 
 GOAL_TIME = Register("goal_time", 44, 2, sign_bit=10)
 GOAL_SPEED = Register("goal_speed", 46, 2, sign_bit=15)  # ticks/s; 0 is the most
 TORQUE_LIMIT = Register("torque_limit", 48, 2)  # 0.1 % of stall torque
-LOCK = Register("lock", 55, 1)  # 1: writes to EEPROM are dropped without a word
+LOCK = Register("lock", 55, 1)  # 1: ignores writes to the EEPROM
 PRESENT_POSITION = Register("present_position", 56, 2, sign_bit=15)  # ticks
 STATUS = Register("status", 65, 1)  # bits of StatusBit
 

@@ -1,4 +1,4 @@
-"""Brings an arm into its safe state without its driver: what a guardian runs. Light to import."""
+"""Brings an arm into its safe state without its driver: the action of the guardian. Light to import."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from joshua_sts3215.family import STS3215
 
 
 class Sts3215StopRequest(ServoStopRequest):
-    """What is to be done to which servos of this family."""
+    """The safe stop of servos of this family."""
 
     family = STS3215
     make_bus = Bus

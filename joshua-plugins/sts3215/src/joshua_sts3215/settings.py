@@ -47,7 +47,7 @@ class Sts3215Joint(ServoJoint):
 
 
 class Sts3215Settings(ServoSettings):
-    """What the driver is set to. Ticks stay ticks here: the servo counts in them.
+    """Settings of the driver. Positions stay in ticks, the unit of the servo.
 
     Attributes:
         velocity_ticks_s, acceleration: of a move; 0 leaves the servo's own maximum.

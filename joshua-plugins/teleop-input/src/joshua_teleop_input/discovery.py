@@ -44,7 +44,7 @@ class EventDevice(Protocol):
         """Where everything stands now, after records were lost. Raises DeviceDisconnected."""
 
     def close(self) -> None:
-        """Close the device; idempotent."""
+        """Close the device. Idempotent."""
 
 
 @dataclass(frozen=True)

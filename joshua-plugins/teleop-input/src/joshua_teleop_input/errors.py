@@ -6,7 +6,7 @@ from joshua.api import DeviceError
 
 
 class InputDeviceError(DeviceError):
-    """A gamepad or the terminal cannot be used; the message names it and the remedy."""
+    """A gamepad or the terminal cannot be used. The message names it and the remedy."""
 
 
 class NoGamepadError(InputDeviceError):

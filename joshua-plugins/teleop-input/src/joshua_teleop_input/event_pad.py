@@ -61,7 +61,7 @@ class EventPad:
         return states
 
     def close(self) -> None:
-        """Close the device; idempotent."""
+        """Close the device. Idempotent."""
         self._device.close()
 
     def _report(self) -> list[PadState]:

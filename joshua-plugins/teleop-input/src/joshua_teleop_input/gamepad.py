@@ -32,7 +32,7 @@ class Pad(Protocol):
         """Wait for new states. Raises DeviceDisconnected."""
 
     def close(self) -> None:
-        """Close the device; idempotent."""
+        """Close the device. Idempotent."""
 
 
 class Gamepad(Sensor):
@@ -104,7 +104,7 @@ class Gamepad(Sensor):
         return message_class(JOY)(header(frame_id, reading.stamp_ns), axes, buttons)
 
     def disconnect(self) -> None:
-        """Close the device; idempotent."""
+        """Close the device. Idempotent."""
         pad, self._pad = self._pad, None
         self._states.clear()
         if pad is not None:

@@ -28,8 +28,8 @@ RECONNECT_LARGEST_S = 5.0
 class GamepadNode(InputNode):
     """Publishes a gamepad's state, and drives joints by it.
 
-    When the gamepad vanishes nothing moves any more; it is opened again when it is back, and then driving
-    has to be switched on anew.
+    When the gamepad vanishes nothing moves any more; it is opened again when it is back, and then driving has
+    to be switched on again.
     """
 
     def __init__(self, context: NodeContext) -> None:

@@ -101,7 +101,7 @@ class KernelDevice:
         return self.capabilities
 
     def close(self) -> None:
-        """Close the device; idempotent."""
+        """Close the device. Idempotent."""
         descriptor, self._descriptor = self._descriptor, -1
         if descriptor >= 0:
             with contextlib.suppress(OSError):

@@ -1,6 +1,6 @@
 """The terminal that the run was started from, as a source of keys.
 
-The run's output goes on: only reading is changed, and Ctrl-C stays the terminal's. Whoever started the run
+The run's output continues: only reading is changed, and Ctrl-C stays the terminal's. Whoever started the run
 restores the settings when this process dies before it can.
 """
 
@@ -80,7 +80,7 @@ class KeyTerminal:
         os.killpg(os.tcgetpgrp(self._descriptor), signal.SIGINT)
 
     def close(self) -> None:
-        """Give the terminal back as it was; idempotent."""
+        """Give the terminal back as it was. Idempotent."""
         descriptor, self._descriptor = self._descriptor, -1
         if descriptor < 0:
             return

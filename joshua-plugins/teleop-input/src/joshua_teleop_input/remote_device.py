@@ -92,11 +92,11 @@ class RemoteDevice:
         return self._decoder.feed(data)
 
     def resynchronise(self) -> Capabilities:
-        """Raise DeviceDisconnected: whoever connects anew is told where everything stands."""
+        """Raise DeviceDisconnected: whoever connects again is told where everything stands."""
         raise DeviceDisconnected(f"{self.path}: the sender has lost records")
 
     def close(self) -> None:
-        """End the connection; idempotent."""
+        """End the connection. Idempotent."""
         with contextlib.suppress(OSError):
             self._socket.close()
 

@@ -80,7 +80,7 @@ class SdlPad:
         return [state]
 
     def close(self) -> None:
-        """Close the device and end the thread; idempotent."""
+        """Close the device and end the thread. Idempotent."""
         self._closing.set()
         self._thread.join(_OPEN_TIMEOUT_S)
 
@@ -163,7 +163,7 @@ def _values(pad: Any) -> dict[str, float]:
 
 
 def names_found() -> list[str]:
-    """Name of the gamepads that SDL sees; none where it is not installed."""
+    """Name of the gamepads that SDL sees; none if it is not installed."""
     for name, value in _SETTINGS.items():
         os.environ.setdefault(name, value)
     try:

@@ -49,7 +49,7 @@ class InputSettings(BlockSettings):
     """What gamepads and the keyboard have in common.
 
     Attributes:
-        joints: names of the joints that the node's commands reach; () where they are not known yet.
+        joints: names of the joints that the node's commands reach; () if they are not known yet.
         drives: the node publishes commands; hears_state: it subscribes to a state of joints.
     """
 

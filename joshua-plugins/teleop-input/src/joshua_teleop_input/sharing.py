@@ -85,7 +85,7 @@ class GamepadShare:
         self._clients.clear()
 
     def close(self) -> None:
-        """End everything; idempotent."""
+        """End everything. Idempotent."""
         self.cut_off()
         if self._listener.fileno() >= 0:
             self._listener.close()

@@ -40,7 +40,7 @@ class Summary:
         steps: of a training, or episodes of an evaluation; checkpoints: that are whole.
         started: as ``run.json`` says; changed_s: newest change, since the epoch; bytes: of all.
         figures: the last row of metrics, or the value of each metric of an evaluation.
-        problem: why its files cannot be read; "" where they can.
+        problem: why its files cannot be read; "" if they can.
     """
 
     path: str

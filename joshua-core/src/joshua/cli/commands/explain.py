@@ -43,7 +43,7 @@ def explain(name: str = "", width: int = 80) -> str:
     """Return the documentation of a block, field, value or diagnostic code; "" lists the blocks of a file.
 
     Raises:
-        LookupError: unknown name; the message lists the nearest.
+        LookupError: unknown name. The message lists the nearest.
     """
     from joshua.config.explain import Catalogue, overview
     from joshua.config.explain import explain as page

@@ -103,7 +103,7 @@ class PageServer:
         return f"http://{HOST}:{self._server.server_address[1]}/{self._server.openings.new()}"
 
     def close(self) -> None:
-        """Stops serving; a second call does nothing."""
+        """Stops serving. Idempotent."""
         self.channel.close()
         self._server.shutdown()
         self._server.server_close()

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the list. Exit code 0; 4 where there is no camera, or where none of them gave a picture."""
+    """Print the list. Exit code 0; 4 if there is no camera, or where none of them gave a picture."""
     from joshua.tools import ExitCode
 
     from joshua_camera.survey import survey

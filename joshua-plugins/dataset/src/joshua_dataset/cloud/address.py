@@ -107,7 +107,7 @@ class Address:
 
     @property
     def missing(self) -> tuple[str, str]:
-        """Library that is not installed, and the extra that brings it; "" where all is there."""
+        """Library that is not installed, and the extra that brings it; "" if all is there."""
         module, extra, _ = EXTRAS.get(self.scheme, ("fsspec", "cloud", ""))
         needed = (module,) if extra == "hf" else (module, "fsspec")
         return ("", "") if all(find_spec(name) for name in needed) else (module, extra)

@@ -189,7 +189,7 @@ class Bucket(Store):
         return self._files.call_s3("create_multipart_upload", **target)["UploadId"], {}
 
     def _put_session(self, item: Outgoing, place: str, tally: Tally) -> None:
-        """Send an object to Google in a session; it goes on where an earlier attempt, or run, has ended."""
+        """Send an object to Google in a session; it continues where an earlier attempt, or run, has ended."""
         size, moved = item.digest.size, 0
         try:
             with self._translating(f"sending {item.name}"), item.path.open("rb") as file:

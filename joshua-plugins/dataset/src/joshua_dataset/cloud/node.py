@@ -63,7 +63,7 @@ class UploadRun:
 
 
 class Uploads:
-    """Sends the episodes of a recording, each when it is kept or all at the end; the recording goes on.
+    """Sends the episodes of a recording, each when it is kept or all at the end; the recording continues.
 
     Args:
         context: of the node; settings: of the block.

@@ -1,4 +1,4 @@
-"""Uploads of large files that have begun and not ended, so that one goes on after a kill."""
+"""Uploads of large files that have begun and not ended, so that one continues after a kill."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Sessions:
             self._write()
 
     def forget(self, item: Outgoing) -> None:
-        """The upload has ended, or cannot go on."""
+        """The upload has ended, or cannot continue."""
         with self._lock:
             if self._records.pop(self._key(item), None) is not None:
                 self._write()
@@ -60,7 +60,7 @@ class Sessions:
         return f"{self._remote}/{item.name}"
 
     def _write(self) -> None:
-        """Write it; in a folder that cannot be written, an upload that is killed starts anew."""
+        """Write it; in a folder that cannot be written, an upload that is killed starts again."""
         if self._path is None:
             return
         with contextlib.suppress(OSError):

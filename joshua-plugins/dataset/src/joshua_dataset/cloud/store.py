@@ -193,7 +193,7 @@ class Store(ABC):
 
     @abstractmethod
     def listing(self) -> dict[str, RemoteFile]:
-        """The files that are there, by name; none where there is no data set. Raises RemoteError."""
+        """The files that are there, by name; none if there is no data set. Raises RemoteError."""
 
     @abstractmethod
     def same(self, there: RemoteFile, path: Path, digest: Digest) -> bool | None:

@@ -107,7 +107,7 @@ class Connection:
             self.close()
 
     def close(self) -> None:
-        """Ends the connection; a second call does nothing."""
+        """Ends the connection. Idempotent."""
         self.closed = True
         self._queue.clear()
         with contextlib.suppress(OSError):

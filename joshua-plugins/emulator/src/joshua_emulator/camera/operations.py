@@ -1,4 +1,4 @@
-"""What the control channel can ask of an emulated camera."""
+"""Operations of the control channel for an emulated camera."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class CameraOperations(DeviceOperations):
         }
 
     def fault_action(self, kind: str, request: Request) -> Action:
-        """What brings about a fault that fits its rule. Raises FrameSizeError."""
+        """The action that injects a valid fault. Raises FrameSizeError."""
         server = self._server
         if kind in StreamFaults.KINDS:
             value = request["value"]
@@ -113,7 +113,7 @@ class CameraOperations(DeviceOperations):
         return lambda: self._server.set_rate(fps)
 
     def _clear_faults(self, _: Request) -> None:
-        """Ends all faults: the camera is plugged in, goes on, and has its first size and rate."""
+        """Ends all faults: the camera is plugged in, continues, and has its first size and rate."""
         server = self._server
         width, height, fps = self._original
         server.faults.clear()

@@ -87,7 +87,7 @@ class SimulatedView:
         return None
 
     def close(self) -> None:
-        """Ends the link; a second call does nothing."""
+        """Ends the link. Idempotent."""
         link, self._link = self._link, None
         if link is not None:
             link.close()

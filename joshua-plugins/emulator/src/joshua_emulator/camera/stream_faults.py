@@ -10,7 +10,7 @@ _HEADER_SHARE = 50  # the first fiftieth of a frame stays whole: its tables and 
 
 
 class StreamFaultError(ValueError):
-    """A fault that does not exist or has a wrong value; the message lists what is allowed."""
+    """A fault that does not exist or has a wrong value. The message lists what is allowed."""
 
 
 class StreamFaults:

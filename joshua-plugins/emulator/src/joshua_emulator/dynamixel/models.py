@@ -16,7 +16,7 @@ class Model:
     Attributes:
         number: model number; volts: nominal supply.
         rpm: no-load speed; stall_a: current at stall.
-        current_unit_a: unit of the current registers, 0 where the servo measures a load instead.
+        current_unit_a: unit of the current registers, 0 if the servo measures a load instead.
         defaults: initial values of registers that differ from model to model.
     """
 

@@ -119,7 +119,7 @@ class InstructionParser:
         self._skipped = 0
 
     def feed(self, data: bytes) -> Iterator[InstructionPacket]:
-        """Adds bytes; yields each packet that they complete."""
+        """Adds bytes. Yields each completed packet."""
         buffer = self._buffer
         buffer += data
         while True:

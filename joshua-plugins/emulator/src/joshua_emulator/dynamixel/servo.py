@@ -199,7 +199,7 @@ class Servo(EmulatedServo):
             self.put("profile_velocity", 0)
             self.put("profile_acceleration", 0)
         if "goal_position" in written and self.memory[10] & 8 and not self.shut_down:
-            self.put("torque_enable", 1)  # drive mode «torque on by goal update»
+            self.put("torque_enable", 1)  # drive mode "torque on by goal update"
         if "torque_enable" in written and self.memory[64] and self.memory[11] == OperatingMode.POSITION:
             goal = self.get("goal_position")
             self._count_from_here()

@@ -26,7 +26,7 @@ class EncoderDevice:
         protocol: line, as5600 or amt21; resolution: counts in one revolution.
         addresses: of AMT21 encoders; the second one sits on a shaft geared one to two, and so on.
         rate_hz: lines a second.
-        counter_range: of a line's counter: it starts again after so many counts; 0: it goes on.
+        counter_range: of a line's counter: it starts again after so many counts; 0: it continues.
         crc: lines end with a CRC. times: lines carry the microcontroller's time.
 
     Attributes:

@@ -16,7 +16,7 @@ class Shaft:
 
     Attributes:
         start_s: when it stood at 0, or would have without the times at which it was held fast.
-        held_s: since when a fault holds it fast; None where none does.
+        held_s: since when a fault holds it fast; None if none does.
     """
 
     start_s: float

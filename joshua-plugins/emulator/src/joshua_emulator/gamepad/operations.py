@@ -1,4 +1,4 @@
-"""What the control channel can ask of an emulated gamepad."""
+"""Operations of the control channel for an emulated gamepad."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class GamepadOperations(DeviceOperations):
             self._server.held.clear()
 
     def fault_action(self, kind: str, request: Request) -> Action:
-        """What brings about a fault that fits its rule."""
+        """The action that injects a valid fault."""
         server = self._server
         makers: dict[str, Callable[[Request], Action]] = {
             "stall": self._stall,
@@ -134,7 +134,7 @@ class GamepadOperations(DeviceOperations):
         self._server.held.update(("left_bumper", "start", "a"))
 
     def _clear_faults(self, _: Request) -> None:
-        """Ends all faults: it is plugged in, goes on, and has its first rate."""
+        """Ends all faults: it is plugged in, continues, and has its first rate."""
         server = self._server
         self.end_lasting()
         self._go_on()

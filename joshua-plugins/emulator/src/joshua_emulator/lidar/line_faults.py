@@ -7,7 +7,7 @@ from typing import Any
 
 
 class LineFaultError(ValueError):
-    """A fault that does not exist or has a wrong value; the message lists what is allowed."""
+    """A fault that does not exist or has a wrong value. The message lists what is allowed."""
 
 
 class LineFaults:

@@ -1,4 +1,4 @@
-"""What the control channel can ask of an emulated scanner."""
+"""Operations of the control channel for an emulated scanner."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class Scanner:
             self._stream.turn_hz = turn_hz
 
     def reset_line(self) -> None:
-        """After a replug a scanner without power begins anew."""
+        """After a replug a scanner without power begins again."""
         self._reader.clear()
         if self.model.waits:
             self._stop()

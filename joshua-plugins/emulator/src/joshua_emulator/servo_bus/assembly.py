@@ -28,7 +28,7 @@ NoteTorque = Callable[[Any, bool, float], None]
 
 
 class SpecError(ValueError):
-    """A description that no bus fits; the message says what is allowed."""
+    """A description that no bus fits. The message says what is allowed."""
 
 
 @dataclass(frozen=True)

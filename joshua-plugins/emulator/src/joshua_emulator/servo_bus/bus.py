@@ -41,7 +41,7 @@ class Parser(Protocol):
     """Finds instructions in the bytes that the host sends."""
 
     def feed(self, data: bytes) -> Iterator[Packet]:
-        """Adds bytes; yields each packet that they complete."""
+        """Adds bytes. Yields each completed packet."""
 
     def clear(self) -> None:
         """Forgets an unfinished packet."""

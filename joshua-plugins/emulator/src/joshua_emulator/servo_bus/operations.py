@@ -1,4 +1,4 @@
-"""What the control channel can ask of an emulated servo bus."""
+"""Operations of the control channel for an emulated servo bus."""
 
 from __future__ import annotations
 
@@ -246,7 +246,7 @@ class Operations(StationOperations):
                 servo.silent = bool(request["silent"])
 
     def fault(self, request: Request) -> None:
-        """Brings a fault about, now, ``at_s`` later, or with the ``after_reads``-th read of the bus."""
+        """Injects a fault, now, ``at_s`` later, or with the ``after_reads``-th read of the bus."""
         check_fault(request, FAULTS, self.when)
         if (after_reads := int(request.get("after_reads", 0))) > 0:
             self._after_reads(after_reads, self.fault_action(request["kind"], request))
@@ -260,7 +260,7 @@ class Operations(StationOperations):
             self.later(READS_LOOKED_AT_S, lambda: self._after_reads(count, action))
 
     def fault_action(self, kind: str, request: Request) -> Action:
-        """What brings a fault about. Raises ControlError where it is refused."""
+        """What brings a fault about. Raises ControlError if it is refused."""
         if kind in Faults.KINDS:
             values = {kind: request["value"]}
             if "late_by_s" in request:

@@ -21,7 +21,7 @@ class Register:
     """One register, least significant byte first.
 
     Attributes:
-        sign_bit: the bit of a sign-magnitude value; None where there is none.
+        sign_bit: the bit of a sign-magnitude value; None if there is none.
         signed: the value is a two's complement.
     """
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-#: How far the hand goes on from one look to the next; shorter than its rest at the ends of a range.
+#: How far the hand continues from one look to the next; shorter than its rest at the ends of a range.
 LOOK_S = 0.02
 
 
@@ -12,8 +12,8 @@ class WatchedTime:
     """Turns the clock into the time of a hand that was asked to move a joint through its range.
 
     Whoever calibrates must see every part of the way, as a person sees to it. So the hand rests while the bus
-    is not read, however long the reader or this program stands still; while the adapter is unplugged it goes
-    on. Before the first read every look counts, such as one over the control channel.
+    is not read, however long the reader or this program stands still; while the adapter is unplugged it
+    continues. Before the first read every look counts, such as one over the control channel.
 
     Args:
         now_s: when the hand starts.

@@ -1,4 +1,4 @@
-"""What the control channel can ask of an emulated hub."""
+"""Operations of the control channel for an emulated hub."""
 
 from __future__ import annotations
 
@@ -112,13 +112,13 @@ class HubOperations(DeviceOperations):
         self._machine.guide(slot, float(request["seconds"]))
 
     def fault(self, request: Request) -> None:
-        """Brings a fault about; ``replug_after_s`` later the hub is on and near again."""
+        """Injects a fault; ``replug_after_s`` later the hub is on and near again."""
         super().fault(request)
         if back_s := float(request.get("replug_after_s", 0.0)):
             self.later(float(request.get("at_s", 0.0)) + back_s, self._machine.on)
 
     def fault_action(self, kind: str, request: Request) -> Action:
-        """What brings about a fault that fits its rule."""
+        """The action that injects a valid fault."""
         return self._faults[kind](request)
 
     def _firmware(self, request: Request) -> Action:

@@ -17,7 +17,7 @@ READ_SIZE = 4096
 
 
 class NoMicroPythonError(Exception):
-    """There is no MicroPython to run programs with; the message says how to get one."""
+    """There is no MicroPython to run programs with. The message says how to get one."""
 
 
 def micropython_command() -> list[str]:
@@ -89,7 +89,7 @@ class ProgramRunner:
             os.write(self._stdin, data)
 
     def close(self) -> None:
-        """Ends the program at once, without a call of ``on_end``; a second call does nothing."""
+        """Ends the program at once, without a call of ``on_end``. Idempotent."""
         if not self._open:
             return
         self._loop.remove_reader(self._stdout)

@@ -1,7 +1,7 @@
 """RPLIDAR's standard scan: nodes of 5 bytes with two check bits and no checksum.
 
 Where a node begins can be told only from many of them: in step with the line, the check bits of each are
-right, its angle lies in a turn, and the angle goes on by little.
+right, its angle lies in a turn, and the angle continues by little.
 """
 
 from __future__ import annotations

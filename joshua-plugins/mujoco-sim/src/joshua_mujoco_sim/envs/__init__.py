@@ -15,7 +15,7 @@ __all__ = ["TASKS", "TermEnv", "TermVectorEnv", "make_environment", "make_vector
 
 
 def register() -> None:
-    """Registers the environments under ``joshua/``; a second call does nothing."""
+    """Registers the environments under ``joshua/``. Idempotent."""
     for name, task in TASKS.items():
         if name in gymnasium.registry:
             continue

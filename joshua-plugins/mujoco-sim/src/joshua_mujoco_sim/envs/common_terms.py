@@ -92,7 +92,7 @@ def randomise(
     """Domain randomisation: multiplies a field of the model by one factor for each episode.
 
     Args:
-        state: the simulations; ids: those that start anew; generators: one for each.
+        state: the simulations; ids: those that start again; generators: one for each.
         field: of the model, such as ``geom_friction``, ``body_mass``, ``actuator_gainprm``, ``dof_damping``.
         low, high: range of the factor, uniform.
         rows: which entries of the field; columns: which columns of them, None for all.

@@ -88,7 +88,7 @@ class Observer:
         return pictures
 
     def close(self) -> None:
-        """Frees the pictures; a second call does nothing."""
+        """Frees the pictures. Idempotent."""
         for renderer in self._renderers.values():
             renderer.close()
         self._renderers = {}

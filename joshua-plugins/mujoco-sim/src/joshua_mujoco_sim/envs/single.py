@@ -145,7 +145,7 @@ class TermEnv(gymnasium.Env[Any, Any]):
         return self._renderer.draw()
 
     def close(self) -> None:
-        """Frees the pictures; a second call does nothing."""
+        """Frees the pictures. Idempotent."""
         self._observer.close()
         renderer, self._renderer = self._renderer, None
         if renderer is not None:

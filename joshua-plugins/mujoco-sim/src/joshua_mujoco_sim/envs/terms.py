@@ -113,7 +113,7 @@ class Task:
         max_steps: length after which an episode is cut off.
         camera: that ``render`` shows.
         keyframe: that an episode starts from; "" for the model's own default.
-        randomisation: resets that ``randomise=True`` adds; () where the task has none.
+        randomisation: resets that ``randomise=True`` adds; () if the task has none.
         objects: what ``info["objects"]`` shows, by name, ``function(state)`` giving shape (N, k).
         forces: terms read ``state.contact_forces``, which costs time.
         prepare: called once with the state, to allocate what own terms keep in ``state.memory``.
@@ -139,7 +139,7 @@ class Task:
         """The same task with other weights of some reward terms; 0 takes a term out.
 
         Raises:
-            KeyError: a name is no reward term; the message lists those that are.
+            KeyError: a name is no reward term. The message lists those that are.
         """
         known = [term.name for term in self.rewards]
         unknown = sorted(set(weights) - set(known))

@@ -48,7 +48,7 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
     Args:
         task: makes the task; num_envs: N; threads: cores to use, 0 for all.
         max_episode_steps: length after which an episode is cut off; None for the task's.
-        autoreset_mode: when an episode that ended starts anew: with the next step (``NEXT_STEP``), whose
+        autoreset_mode: when an episode that ended starts again: with the next step (``NEXT_STEP``), whose
             action has no effect and whose reward is 0, or with the step that ended it (``SAME_STEP``), whose
             last observation is in ``info["final_obs"]``.
         reward_function, weights, randomise, action_mode, observation_mode, cameras, width, height, shadows:
@@ -179,7 +179,7 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         return Outcome(observations, reward, ended, truncated, success, final, terms, objects)
 
     def snapshot(self) -> dict[str, Any]:
-        """Everything that decides how the environments go on, as arrays of numbers by name.
+        """Everything that decides how the environments continue, as arrays of numbers by name.
 
         Restored into environments that are made alike, they go on bit for bit.
         """

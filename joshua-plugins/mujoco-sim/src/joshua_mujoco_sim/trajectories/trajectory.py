@@ -31,7 +31,7 @@ class TrajectoryError(Exception):
 
 
 class MissingExtraError(TrajectoryError):
-    """A recording cannot be read here, since a library is not installed; the message says which."""
+    """A recording cannot be read here, since a library is not installed. The message says which."""
 
 
 class Budget:
@@ -56,7 +56,7 @@ class Trajectory:
 
     Attributes:
         source: file that it comes from, for messages.
-        names: joints, in the order of the columns; () where the recording names none.
+        names: joints, in the order of the columns; () if the recording names none.
         time_s: shape (T,), increasing, from 0.
         position: in ``unit``, shape (T, N).
         unit: a value of ``joshua.features.Unit``; "" is LeRobot's for names that end in ``.pos``, radians

@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace, device_root: str = "/") -> int:
-    """Print the ports. Exit code 0; 4 where there is none, or one that was named cannot be used.
+    """Print the ports. Exit code 0; 4 if there is none, or one that was named cannot be used.
 
     Args:
         device_root: folder that holds ``dev`` and ``sys``: ``/`` for the host's own devices.

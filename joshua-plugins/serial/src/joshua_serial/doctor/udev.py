@@ -21,7 +21,7 @@ ACTION=="add|change", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{latency_
 
 
 class NotOurs(Exception):
-    """The file was not written by this command; the message says what to do."""
+    """The file was not written by this command. The message says what to do."""
 
 
 def rules(ports: Sequence[PortEntry], names: Mapping[str, str]) -> str:

@@ -22,7 +22,7 @@ NEXT = "sudo udevadm control --reload && sudo udevadm trigger"
 
 
 def write_rules(arguments: argparse.Namespace, host: Host) -> int:
-    """Exit code 0; 2 where the file cannot be written, 4 where there is no adapter."""
+    """Exit code 0; 2 if the file cannot be written, 4 if there is no adapter."""
     ports = list_ports(str(host.root))
     if not ports:
         sys.stderr.write(

@@ -11,7 +11,7 @@ from joshua_serial.usb_ports import Endpoint, PortEntry, is_lasting_name, resolv
 
 
 class Ambiguous(Exception):
-    """It cannot be told which adapter a node means, or how to name it; the message says what to do."""
+    """It cannot be told which adapter a node means, or how to name it. The message says what to do."""
 
 
 @dataclass(frozen=True)

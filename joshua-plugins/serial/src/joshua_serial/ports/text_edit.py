@@ -52,7 +52,7 @@ def set_strings(positions: Positions, block_path: str, values: dict[str, str]) -
 
 
 def apply_edits(text: str, edits: Iterable[Edit]) -> str:
-    """The text after the edits of one file. Raises EditError where it would no longer parse."""
+    """The text after the edits of one file. Raises EditError if it would no longer parse."""
     name = ""
     for edit in sorted(edits, key=lambda edit: edit.start, reverse=True):
         text = text[: edit.start] + edit.text + text[edit.end :]

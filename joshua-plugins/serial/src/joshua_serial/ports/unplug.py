@@ -13,7 +13,7 @@ TIMEOUT_S = 60.0
 
 
 class NothingHappened(Exception):
-    """No plug was pulled or put back, or several were; the message says what to do."""
+    """No plug was pulled or put back, or several were. The message says what to do."""
 
 
 def find_by_unplugging(device_root: str, timeout_s: float = TIMEOUT_S) -> PortEntry:

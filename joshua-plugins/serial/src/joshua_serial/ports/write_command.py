@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Refused(Exception):
-    """Nothing is written; the message says why. ``code`` is the exit code."""
+    """Nothing is written. The message says why. ``code`` is the exit code."""
 
     def __init__(self, message: str, code: ExitCode = ExitCode.INVALID) -> None:
         super().__init__(message)
@@ -29,7 +29,7 @@ class Refused(Exception):
 
 
 def write(arguments: argparse.Namespace, named: Sequence[PortEntry], device_root: str) -> int:
-    """Write the identities, and show the change. Exit code 0; 2 and 4 where nothing was written."""
+    """Write the identities, and show the change. Exit code 0; 2 and 4 if nothing was written."""
     try:
         changed = _write(arguments, named, device_root)
     except Refused as error:

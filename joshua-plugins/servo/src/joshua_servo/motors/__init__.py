@@ -1,1 +1,1 @@
-"""``joshua motors``: what is on a bus, and giving motors their ids one at a time."""
+"""``joshua motors``: lists the motors of a bus, and assigns ids one motor at a time."""

@@ -1,4 +1,4 @@
-"""What a set-up procedure says and asks; the terminal's one and the one without a person."""
+"""The dialogue of a set-up procedure: in a terminal, or without a person."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ POLL_S = 0.2
 
 
 class NoAnswer(Exception):
-    """Nobody answers: the input has ended, or what was asked for did not come in time."""
+    """No answer: the input has ended, or the request was not fulfilled in time."""
 
 
 class Dialogue(Protocol):
-    """How a procedure talks to whoever connects the motors."""
+    """The dialogue with the person who connects the motors."""
 
     asks: bool
-    """Whether a person says when to go on."""
+    """Whether a person confirms each step."""
 
     def say(self, text: str) -> None:
-        """Tell something."""
+        """Show a text."""
 
     def wait_for(self, request: str) -> None:
-        """Ask for something to be done and return when it may have been. Raises NoAnswer."""
+        """Request an action and return when it may be done. Raises NoAnswer."""
 
 
 class TerminalDialogue:
@@ -53,10 +53,10 @@ class TerminalDialogue:
 
 
 class HandsFreeDialogue(TerminalDialogue):
-    """Prints, and looks again after a moment instead of asking.
+    """Prints, and checks again after a moment instead of asking.
 
     Args:
-        timeout_s: how long the same request may stay without effect.
+        timeout_s: time limit of the same request.
     """
 
     asks = False
@@ -67,7 +67,7 @@ class HandsFreeDialogue(TerminalDialogue):
         self._deadline_s = 0.0
 
     def wait_for(self, request: str) -> None:
-        """Say what is waited for, once; return after a moment. Raises NoAnswer when it takes too long."""
+        """Print the request once, and return after a moment. Raises NoAnswer after the time limit."""
         if request != self._request:
             self._request, self._deadline_s = request, time.monotonic() + self._timeout_s
             self.say(f"{request} (waiting for at most {self._timeout_s:g} s)")
@@ -78,7 +78,7 @@ class HandsFreeDialogue(TerminalDialogue):
 
 @contextlib.contextmanager
 def interrupts_deferred() -> Iterator[None]:
-    """Let a piece of work finish when Ctrl-C comes meanwhile; raise KeyboardInterrupt after it."""
+    """Defer Ctrl-C until the work inside is finished, then raise KeyboardInterrupt."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def run(arguments: argparse.Namespace, device_root: str = "/") -> int:
-    """Print the motors. Exit code 0; 4 where no motor answers or a port cannot be used."""
+    """Print the motors. Exit code 0; 4 if no motor replies or a port cannot be used."""
     families = installed_bus_tools()
     entries = chosen_ports(arguments.ports, device_root)
     found = list(survey(entries, families, device_root))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Give the motors their ids. Exit code 0 when all answer; 2, 4 or 130 else."""
+    """Give the motors their ids. Exit code 0 if all reply, else 2, 4 or 130."""
     families = installed_bus_tools()
     try:
         target = find_target(arguments, families)
@@ -57,7 +57,7 @@ def _set_up(target: Target, port: SerialPort, dialogue: Dialogue) -> ExitCode:
 
 
 def _say_how_to_go_on(procedure: SetupProcedure, target: Target, reason: str) -> None:
-    """Every motor that is done keeps its id, so that a later run needs only the others."""
+    """Finished motors keep their ids, so a later run needs only the others."""
     done = ", ".join(map(str, procedure.done)) or "none"
     lines = [f"joshua motors setup: {reason}", f"  done: {done}"]
     ids = ",".join(str(motor.motor_id) for motor in reversed(procedure.remaining))

@@ -1,4 +1,4 @@
-"""Gives the motors of an arm their ids, one at a time; whoever connects them is asked by a dialogue."""
+"""Assigns ids to the motors of an arm, one at a time, in a dialogue with the person who connects them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from joshua_servo.motors.dialogue import Dialogue, interrupts_deferred
 
 @dataclass(frozen=True)
 class WantedMotor:
-    """A motor of the arm: the id that it is to have, and the name of its joint."""
+    """A motor of the arm: its future id and the name of its joint."""
 
     motor_id: int
     joint: str
@@ -23,10 +23,10 @@ class WantedMotor:
 class SetupProcedure:
     """Works from the last motor to the first: new motors have the id 1, which is given last.
 
-    So a motor that was done and left on the cable is never taken for the next one.
+    So a finished motor left on the cable is never mistaken for the next one.
 
     Args:
-        wanted: the motors in cable order; baudrate: line speed that all of them are to have.
+        wanted: the motors in cable order; baudrate: line speed for all of them.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class SetupProcedure:
 
     @property
     def remaining(self) -> list[WantedMotor]:
-        """Motors that have no id yet, in the order of the work."""
+        """Motors without an id, in the order of the work."""
         return sorted(
             (motor for motor in self._wanted if motor not in self.done),
             key=lambda motor: motor.motor_id,
@@ -51,12 +51,12 @@ class SetupProcedure:
         """Give every motor its id, then check the whole chain.
 
         Raises:
-            NoAnswer: nobody connects what is asked for.
+            NoAnswer: the requested motor was not connected.
             DeviceError: the port is gone.
         """
         found: list[FoundMotor] | None = self._look()
         self._take_what_is_done(found or [])
-        if self._dialogue.asks:  # a motor that happens to be there is not changed unasked
+        if self._dialogue.asks:  # a motor that is already connected is not changed without a question
             found = None
         while self.remaining:
             self._give(self.remaining[0], found)
@@ -70,7 +70,7 @@ class SetupProcedure:
         return [speed for speed in self._tools.baudrates if speed != self._baudrate]
 
     def _take_what_is_done(self, found: list[FoundMotor]) -> None:
-        """Several motors that all have one of the wanted ids were done in an earlier run."""
+        """Several motors with wanted ids were set up in an earlier run."""
         ids = {motor.motor_id: motor for motor in self._wanted}
         good = [motor for motor in found if motor.motor_id in ids and self._is_set(motor)]
         if len(found) > 1 and len(good) == len(found):
@@ -96,7 +96,7 @@ class SetupProcedure:
             found = None
 
     def _problem(self, found: list[FoundMotor], wanted: WantedMotor) -> str:
-        """Why what is connected cannot be given an id; "" if it can."""
+        """Why the connected motors cannot be given an id; "" if one can."""
         if not found:
             return "no motor answers at any line speed (is the supply on, and the cable in?)"
         listing = ", ".join(f"{motor} at {motor.baudrate} bit/s" for motor in found)
@@ -111,7 +111,7 @@ class SetupProcedure:
         if other is None or not self._is_set(motor):
             return ""
         if motor.motor_id == self._tools.factory_id and other not in self.done:
-            return ""  # a new motor; the id is given to another one at the very end
+            return ""  # a new motor; its id is assigned last
         if other not in self.done:
             self.done.append(other)
         return f"this motor has its id already, that of {other}"

@@ -1,4 +1,4 @@
-"""Which bus `joshua motors` works on: a node of a configuration, or what the command line says."""
+"""Selects the bus of `joshua motors`: from a node of a configuration or the command line."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ if TYPE_CHECKING:
 
     from joshua_servo.bus_tools import BusTools
 
-#: A slip such as 1-60000000 is refused at once; which of fewer ids there are, the motors say.
+#: Refuses a typo such as 1-60000000. The family decides which smaller ids are valid.
 MOST_IDS = 1000
 
 
 class TargetRefused(Exception):
-    """It is not clear which bus is meant, or what it is to look like; the message says what to write."""
+    """The bus or its motors are unclear. The message says what to write."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """One bus and what is to be on it.
+    """A bus and its future motors.
 
     Attributes:
         tools: of the motors' family; motors: in cable order.
-        option: what of the command line names this bus, for the command that goes on later.
+        option: part of the command line that names this bus, for a command that continues later.
     """
 
     tools: type[BusTools]
@@ -58,7 +58,7 @@ def parse_ids(text: str) -> tuple[int, ...]:
 
 
 def find_target(arguments: argparse.Namespace, families: Mapping[str, type[BusTools]]) -> Target:
-    """The bus that the command line means. Raises TargetRefused."""
+    """Return the bus of the command line. Raises TargetRefused."""
     if not families:
         raise TargetRefused(f"no installed plugin has a bus of motors: {install('joshua-sts3215')}")
     return _from_file(arguments, families) if arguments.config else _from_options(arguments, families)
@@ -152,7 +152,7 @@ def _chosen(arguments: argparse.Namespace, wanted: Mapping[str, Wanted]) -> Want
 
 
 def _joint_names(path: str, node: str) -> dict[int, str]:
-    """Name of the joints by id, where the file holds a calibration of the node."""
+    """Names of the joints by id, if the file has a calibration of the node."""
     from joshua.tools import load
 
     arms = load(path).config.calibration.arms

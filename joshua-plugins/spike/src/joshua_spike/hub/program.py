@@ -27,7 +27,7 @@ class HubProgram:
 
 
 def load_program() -> HubProgram:
-    """The program of this release. Raises OSError where the installation is incomplete."""
+    """The program of this release. Raises OSError if the installation is incomplete."""
     return HubProgram(source_identity(SOURCE.read_text(encoding="utf-8")), pack(COMPILED.read_bytes()))
 
 

@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the list or what is pressed. Exit code 0; 4 where there is no gamepad."""
+    """Print the list or what is pressed. Exit code 0; 4 if there is no gamepad."""
     from joshua.tools import ExitCode
 
     if arguments.watch is not None:

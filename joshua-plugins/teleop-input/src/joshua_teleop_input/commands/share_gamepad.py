@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Share a gamepad until Ctrl-C. Exit code 0; 4 where there is none or the socket cannot be made."""
+    """Share a gamepad until Ctrl-C. Exit code 0; 4 if there is none or the socket cannot be made."""
     from joshua.tools import ExitCode
 
     from joshua_teleop_input.discovery import open_gamepad
