@@ -10,6 +10,7 @@ from pathlib import Path
 
 import draw_chunks
 import draw_diagrams
+import draw_evaluation
 import draw_learning_curve
 import draw_middle_pose
 import draw_pictures
@@ -25,6 +26,7 @@ MADE = {
     *draw_diagrams.DIAGRAMS,
     draw_rooms.PICTURE.name,
     draw_chunks.PICTURE.name,
+    draw_evaluation.PICTURE.name,
     draw_learning_curve.PICTURE.name,
     *(path.name for path in draw_middle_pose.PICTURES),
 }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import re
@@ -10,16 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from joshua_training.commands import runs
+from joshua.cli.main import main
 from joshua_training.run_folder import RunFolder
 
 LONG = "SoArm100PickPlace-v0-with-a-very-long-name-that-somebody-chose"
 
 
 def command(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
-    parser = argparse.ArgumentParser()
-    runs.add_arguments(parser)
-    code = runs.run(parser.parse_args(words))
+    code = main(["runs", *words])
     said = capsys.readouterr()
     return code, said.out, said.err
 
@@ -89,7 +86,7 @@ def test_the_list_fits_80_columns_and_puts_the_newest_last(
     assert lines[1].startswith("old ")
     assert "123,456  success 0.50" in lines[1]
     assert "…" in lines[2]
-    assert re.search(r"evaluation +3  success 0\.67 \(0\.10 to 0\.90\)$", out, re.MULTILINE)
+    assert re.search(r"eval +3  success 0\.67 \(0\.10-0\.90\)$", out, re.MULTILINE)
     assert "cannot be read" in out
     assert max(map(len, lines)) <= 80
 

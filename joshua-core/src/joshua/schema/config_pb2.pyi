@@ -980,14 +980,42 @@ class ImitationConfig(_message.Message):
     def __init__(self, dataset_name: _Optional[str] = ..., num_epochs: _Optional[int] = ..., learning_rate: _Optional[float] = ..., batch_size: _Optional[int] = ..., loss_function: _Optional[str] = ...) -> None: ...
 
 class EvalConfig(_message.Message):
-    __slots__ = ("model_checkpoint", "num_episodes", "metrics")
+    __slots__ = ("model_checkpoint", "num_episodes", "metrics", "compare_with", "seed", "confidence", "bootstrap_samples", "videos", "camera", "randomise", "output_folder", "task", "strategy", "steps_per_chunk", "inference_delay", "compute", "plugin_config")
     MODEL_CHECKPOINT_FIELD_NUMBER: _ClassVar[int]
     NUM_EPISODES_FIELD_NUMBER: _ClassVar[int]
     METRICS_FIELD_NUMBER: _ClassVar[int]
+    COMPARE_WITH_FIELD_NUMBER: _ClassVar[int]
+    SEED_FIELD_NUMBER: _ClassVar[int]
+    CONFIDENCE_FIELD_NUMBER: _ClassVar[int]
+    BOOTSTRAP_SAMPLES_FIELD_NUMBER: _ClassVar[int]
+    VIDEOS_FIELD_NUMBER: _ClassVar[int]
+    CAMERA_FIELD_NUMBER: _ClassVar[int]
+    RANDOMISE_FIELD_NUMBER: _ClassVar[int]
+    OUTPUT_FOLDER_FIELD_NUMBER: _ClassVar[int]
+    TASK_FIELD_NUMBER: _ClassVar[int]
+    STRATEGY_FIELD_NUMBER: _ClassVar[int]
+    STEPS_PER_CHUNK_FIELD_NUMBER: _ClassVar[int]
+    INFERENCE_DELAY_FIELD_NUMBER: _ClassVar[int]
+    COMPUTE_FIELD_NUMBER: _ClassVar[int]
+    PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
     model_checkpoint: str
     num_episodes: int
     metrics: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, model_checkpoint: _Optional[str] = ..., num_episodes: _Optional[int] = ..., metrics: _Optional[_Iterable[str]] = ...) -> None: ...
+    compare_with: str
+    seed: int
+    confidence: float
+    bootstrap_samples: int
+    videos: int
+    camera: str
+    randomise: bool
+    output_folder: str
+    task: str
+    strategy: ExecutionStrategy
+    steps_per_chunk: int
+    inference_delay: int
+    compute: ModelCompute
+    plugin_config: _any_pb2.Any
+    def __init__(self, model_checkpoint: _Optional[str] = ..., num_episodes: _Optional[int] = ..., metrics: _Optional[_Iterable[str]] = ..., compare_with: _Optional[str] = ..., seed: _Optional[int] = ..., confidence: _Optional[float] = ..., bootstrap_samples: _Optional[int] = ..., videos: _Optional[int] = ..., camera: _Optional[str] = ..., randomise: _Optional[bool] = ..., output_folder: _Optional[str] = ..., task: _Optional[str] = ..., strategy: _Optional[_Union[ExecutionStrategy, str]] = ..., steps_per_chunk: _Optional[int] = ..., inference_delay: _Optional[int] = ..., compute: _Optional[_Union[ModelCompute, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ...) -> None: ...
 
 class Node(_message.Message):
     __slots__ = ("node_name", "node_id", "node_type", "qos", "publishers", "subscriptions", "python", "host", "ros_namespace", "process_group", "restart", "frame_id")

@@ -255,7 +255,7 @@ def _result(results: Mapping[str, Any], last: Mapping[str, Any]) -> str:
         metrics = _metrics(results)
         success = metrics.get("success_rate")
         if success is not None:
-            return f"success {success['value']:.2f} ({success['low']:.2f} to {success['high']:.2f})"
+            return f"success {success['value']:.2f} ({success['low']:.2f}-{success['high']:.2f})"
         return ", ".join(f"{name} {entry['value']:.4g}" for name, entry in list(metrics.items())[:1])
     for name, form in _FIGURES:
         if _is_number(last.get(name)):

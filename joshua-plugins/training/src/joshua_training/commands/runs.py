@@ -13,6 +13,9 @@ SUMMARY = "list, show, compare and prune runs of trainings and evaluations"
 
 _WIDTH = 80
 _NARROWEST_NAME = 20
+
+#: In a list, where width is scarce.
+_KINDS = {"training": "train", "evaluation": "eval"}
 _DAY_S = 86_400.0
 
 #: Settings and figures that a comparison shows of runs that differ in many.
@@ -25,9 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     listed = actions.add_parser("list", help="the runs in a folder, the newest last")
     _parent(listed)
     show = actions.add_parser("show", help="settings, versions, figures and checkpoints of a run")
-    show.add_argument("run", metavar="RUN", help="folder of a run, or its name below runs/")
+    show.add_argument("name", metavar="RUN", help="folder of a run, or its name below runs/")
     compare = actions.add_parser("compare", help="what differs between runs, and their figures side by side")
-    compare.add_argument("runs", nargs="+", metavar="RUN")
+    compare.add_argument("names", nargs="+", metavar="RUN", help="as for show")
     compare.epilog = (
         "Two evaluations from the same seeds are compared episode by episode: McNemar's exact test for "
         "rates, a bootstrap of the differences for means."
@@ -85,7 +88,7 @@ def _list(arguments: argparse.Namespace) -> int:
     rows = [["RUN", "KIND", "STEPS", "RESULT"]]
     for summary in summaries:
         result = "cannot be read" if summary.problem else summary.result
-        rows.append([summary.name, summary.kind, _number(summary.steps), result])
+        rows.append([summary.name, _KINDS.get(summary.kind, summary.kind), _number(summary.steps), result])
     others = sum(2 + max(len(row[index]) for row in rows) for index in (1, 2, 3))
     for row in rows:
         row[0] = _shortened(row[0], max(_NARROWEST_NAME, _WIDTH - others))
@@ -97,7 +100,7 @@ def _show(arguments: argparse.Namespace) -> int:
     from joshua_training.run_folder import RunError
     from joshua_training.summaries import summarise
 
-    folder = _opened(arguments.run)
+    folder = _opened(arguments.name)
     summary = summarise(folder)
     if summary.problem:
         raise RunError(summary.problem)
@@ -124,9 +127,9 @@ def _compare(arguments: argparse.Namespace) -> int:
     from joshua_training.run_folder import RunError
     from joshua_training.summaries import EVALUATION, compared_episodes, differing_settings, summarise
 
-    if len(arguments.runs) < 2:
+    if len(arguments.names) < 2:
         raise _WrongArgument("one run cannot be compared: name two or more")
-    folders = [_opened(name) for name in arguments.runs]
+    folders = [_opened(name) for name in arguments.names]
     summaries = [summarise(folder) for folder in folders]
     for summary in summaries:
         if summary.problem:

@@ -1,0 +1,1 @@
+"""Evaluation of trained policies: episodes in simulation, figures with intervals, comparison, a report."""

@@ -1,0 +1,124 @@
+"""What the files at a path are, told without loading them: a trainer's policy, or a model's weights."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+#: What the trainers of reinforcement learning write beside their weights, and the weights.
+ABOUT, WEIGHTS = "policy.json", "policy.safetensors"
+
+#: What LeRobot's policies, and those exported from them, have beside their weights.
+CONFIG = "config.json"
+
+#: Messages of the plugins that run them.
+LEROBOT, ONNX = "joshua.LeRobotPolicy", "joshua.OnnxPolicy"
+
+#: Names of folders that no owner on the hub has.
+_FOLDERS = ("checkpoints", "models", "outputs", "policies", "runs", "weights")
+
+_HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]*/[\w.-]+")
+
+
+class CheckpointError(Exception):
+    """A checkpoint cannot be judged.
+
+    Args:
+        message: what is wrong, one sentence; remedy: an imperative.
+    """
+
+    exit_code = 1
+
+    def __init__(self, message: str, remedy: str) -> None:
+        super().__init__(f"{message}: {remedy[0].lower()}{remedy[1:]}")
+        self.message, self.remedy = message, remedy
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """What is to be judged.
+
+    Attributes:
+        path: of the folder that holds the weights, or a hub id.
+        block: message of the model plugin that runs it; "" for the policy of a trainer.
+        environment: that it was trained in; "" where the files do not say.
+    """
+
+    path: str
+    block: str = ""
+    environment: str = ""
+
+
+def recognise(path: Path, given: str, block: str = "") -> Checkpoint | None:
+    """Tells what a path holds: a checkpoint, the newest one of a run, or a model's weights.
+
+    Args:
+        path: absolute; given: as the file names it, which may be a hub id.
+        block: message of the model plugin, where the file names one.
+
+    Raises:
+        CheckpointError: nothing that can be judged; torn files.
+
+    Returns:
+        None where nothing is there.
+    """
+    if block:
+        return Checkpoint(str(path) if path.exists() else given, block)
+    if not path.exists():
+        first = given.partition("/")[0]
+        is_hub_id = _HUB_ID.fullmatch(given) and first not in _FOLDERS and not path.parent.is_dir()
+        return Checkpoint(given, LEROBOT) if is_hub_id else None
+    if path.is_file():
+        raise CheckpointError(f"{path} is a file, and a checkpoint is a folder", f"Write {path.parent}")
+    if (path / ABOUT).is_file():
+        return _policy(path)
+    if (path / "run.json").is_file():
+        return _newest(path)
+    if (path / CONFIG).is_file():
+        return Checkpoint(str(path), ONNX if "onnx" in _json(path / CONFIG) else LEROBOT)
+    below = ("pretrained_model", "checkpoints/last/pretrained_model", "last/pretrained_model")
+    if any((path / name / CONFIG).is_file() for name in below):
+        return Checkpoint(str(path), LEROBOT)
+    raise CheckpointError(
+        f"{path} holds neither a run (run.json), nor a policy of a trainer ({ABOUT}), nor one of LeRobot "
+        f"({CONFIG})",
+        "Name a folder that does, or say by plugin_config which model plugin runs it",
+    )
+
+
+def _newest(run: Path) -> Checkpoint:
+    whole = sorted(path for path in (run / "checkpoints").glob("step_*") if path.is_dir())
+    if not whole:
+        raise CheckpointError(f"The run {run} has no checkpoint", "Let it train longer, or name another run")
+    newest = whole[-1]
+    if not (newest / ABOUT).is_file():
+        for path in (newest, newest / "pretrained_model"):
+            if (path / CONFIG).is_file():
+                return Checkpoint(str(path), LEROBOT)
+    return _policy(newest)
+
+
+def _policy(folder: Path) -> Checkpoint:
+    about = _json(folder / ABOUT)
+    if "algorithm" not in about or "features" not in about:
+        raise CheckpointError(
+            f"{folder / ABOUT} was written by no trainer of JOSHUA", "Name another checkpoint"
+        )
+    if not (folder / WEIGHTS).is_file():
+        raise CheckpointError(f"{folder} is torn: it has no {WEIGHTS}", "Name an older checkpoint of the run")
+    return Checkpoint(str(folder), environment=str(about.get("environment", "")))
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise CheckpointError(
+            f"{path} is torn or no JSON: {error}", "Copy the checkpoint again, or name another one"
+        ) from error
+    if not isinstance(content, dict):
+        raise CheckpointError(f"{path} holds no object", "Name another checkpoint")
+    return content

@@ -1,0 +1,189 @@
+"""Plays episodes: an environment, a policy, and the same starts for everybody."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from joshua.features import ACTION, IMAGES, FeatureSet
+from joshua.tools import load_target
+
+from joshua_evaluation.checkpoints import CheckpointError
+from joshua_evaluation.metrics import Episode
+
+#: Size of videos where the policy itself sees no pictures.
+VIDEO_SIZE = (320, 240)
+
+
+class Arena:
+    """One environment in which episodes are played, whichever plugin offers it.
+
+    Args:
+        make: import string of what makes it; environment_id, reward_function: of the plan.
+        options: further arguments, such as ``action_mode``.
+
+    Attributes:
+        features: of observations and actions; action_space; period_s: of a step.
+
+    Raises:
+        CheckpointError: it cannot be made so, or tells too little of itself.
+    """
+
+    def __init__(self, make: str, environment_id: str, reward_function: str, **options: Any) -> None:
+        try:
+            self._vector = load_target(make)(
+                environment_id, reward_function=reward_function, num_envs=1, seed=None, **options
+            )
+        except (ValueError, TypeError) as error:
+            asked = ", ".join(f"{name} {value}" for name, value in options.items()) or "its defaults"
+            raise CheckpointError(
+                f"{environment_id} cannot be made with {asked}: {error}", "Change what the message names"
+            ) from error
+        # MuJoCo 3 steps single environments one after the other, which know what the batched one tells itself
+        inner = self._vector
+        if not hasattr(inner, "features") and getattr(inner, "envs", None):
+            inner = inner.envs[0].unwrapped
+        self._inner = inner
+        self.features: FeatureSet = getattr(inner, "features", FeatureSet())
+        self.action_space = self._vector.single_action_space
+        self.period_s = self._period_s()
+        self._pictures: tuple[str, ...] = ()
+
+    def reset(self, seed: int) -> Any:
+        """Starts the episode of a seed."""
+        observation, _ = self._vector.reset(seed=[seed])
+        return observation
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Does one action, shape (A,)."""
+        observation, rewards, terminated, truncated, info = self._vector.step(np.asarray(action)[None])
+        return observation, float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
+
+    def numbers(self, observation: Any) -> Any:
+        """The numbers of an observation as a policy of a trainer sees them, shape (1, K)."""
+        return observation["state"] if isinstance(observation, dict) else observation
+
+    def values(self, observation: Any) -> dict[str, Any]:
+        """An observation by feature, in physical units, and its pictures by their key."""
+        found: dict[str, Any] = {}
+        physical = getattr(self._inner, "physical", None)
+        if physical is not None:
+            row, at = np.asarray(physical(self.numbers(observation)))[0], 0
+            for feature in self.features.values():
+                if feature.key != ACTION:
+                    size = int(np.prod(feature.shape))
+                    found[feature.key] = row[at : at + size].astype(np.float32)
+                    at += size
+        if isinstance(observation, dict):
+            found |= {f"{IMAGES}{name}": value[0] for name, value in observation.items() if name != "state"}
+        return found
+
+    def close(self) -> None:
+        """Closes the environment; a second call does nothing."""
+        vector, self._vector = self._vector, None
+        if vector is not None:
+            vector.close()
+
+    def _period_s(self) -> float:
+        state, task = getattr(self._inner, "state", None), getattr(self._inner, "task", None)
+        if state is not None and task is not None:
+            return float(state.model.opt.timestep * task.frame_skip)
+        fps = float(getattr(self._inner, "metadata", {}).get("render_fps") or 0.0)
+        return 1 / fps if fps else 1.0
+
+    @property
+    def camera(self) -> str:
+        """The camera that suits the task; "" where none is known."""
+        return str(getattr(getattr(self._inner, "task", None), "camera", ""))
+
+
+class Player(Protocol):
+    """Something that acts: a policy of a trainer, or a model."""
+
+    #: Arguments that its environment is made with.
+    options: dict[str, Any]
+
+    def load(self, arena: Arena) -> None:
+        """Gets ready to act in an arena. Raises CheckpointError, ModelError, RunError."""
+
+    def begin(self) -> None:
+        """Forgets the episode before."""
+
+    def act(self, arena: Arena, observation: Any, step: int) -> tuple[Any, float | None]:
+        """The action of a step, and the time of the policy in seconds, None where it decided nothing anew."""
+
+    def close(self) -> None:
+        """Frees what it has loaded."""
+
+
+class Stopped(Exception):
+    """The evaluation was asked to stop, in the middle of an episode."""
+
+
+def play(
+    arena: Arena,
+    player: Player,
+    seed: int,
+    asked: Callable[[], bool] = lambda: False,
+    seen: Callable[[Any], None] = lambda observation: None,
+) -> Episode:
+    """Plays one episode to its end.
+
+    Args:
+        asked: whether to stop; seen: called with each observation, the first and the last one included.
+
+    Raises:
+        Stopped: it was asked to.
+    """
+    player.begin()
+    observation = arena.reset(seed)
+    shown: list[dict[str, Any]] = [_numbers(arena.values(observation))]
+    rewards: list[float] = []
+    actions: list[Any] = []
+    latencies: list[float] = []
+    terms: dict[str, float] = {}
+    seen(observation)
+    while True:
+        if asked():
+            raise Stopped
+        action, latency_s = player.act(arena, observation, len(rewards))
+        if latency_s is not None:
+            latencies.append(latency_s)
+        observation, reward, terminated, truncated, info = arena.step(action)
+        rewards.append(reward)
+        actions.append(np.asarray(action, np.float64))
+        shown.append(_numbers(arena.values(observation)))
+        seen(observation)
+        for name, value in (info.get("reward_terms") or {}).items():
+            terms[name] = terms.get(name, 0.0) + float(np.asarray(value).reshape(-1)[0])
+        if terminated or truncated:
+            break
+    success = info.get("is_success")
+    return Episode(
+        seed=seed,
+        success=bool(np.asarray(success).reshape(-1)[0]) if success is not None else False,
+        truncated=truncated and not terminated,
+        rewards=np.array(rewards),
+        actions=np.array(actions),
+        observations={key: np.array([row[key] for row in shown]) for key in shown[0]},
+        latencies_s=np.array(latencies),
+        period_s=arena.period_s,
+        reward_terms=terms,
+    )
+
+
+def _numbers(values: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in values.items() if not key.startswith(IMAGES)}
+
+
+def ranked(episodes: Sequence[Episode]) -> list[int]:
+    """Indices from the best to the worst: success first, then the return."""
+    order = range(len(episodes))
+    return sorted(order, key=lambda i: (-episodes[i].success, -float(episodes[i].rewards.sum()), i))
+
+
+def now_s() -> float:
+    """The clock of latencies."""
+    return time.perf_counter()

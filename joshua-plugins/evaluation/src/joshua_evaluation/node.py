@@ -1,0 +1,243 @@
+"""The node of an evaluation: plays episodes beside its loop, writes figures and report, ends the run."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from joshua.api import NodeContext, Trainer
+from joshua_training.run_folder import RunError, RunFolder, described
+
+from joshua_evaluation import report
+from joshua_evaluation.checkpoints import CheckpointError
+from joshua_evaluation.episodes import VIDEO_SIZE, Arena, Player, Stopped, play
+from joshua_evaluation.metrics import BUILT_IN, Metric, load_metric
+from joshua_evaluation.results import Intervals, Judged, as_csv, as_json
+from joshua_evaluation.settings import DEFAULT_SEED, Candidate, EvaluationSettings
+
+#: How long a stop waits for the files.
+SAVE_S = 8.0
+
+#: A model that is loaded, or computes a chunk, gives no sign of life for this long at most.
+HANG_S = 1800.0
+
+REPORT, TABLE, RESULTS = "report.html", "episodes.csv", "results.json"
+
+
+class Evaluation(Trainer):
+    """Judges checkpoints in simulated episodes, and ends the run when all are played."""
+
+    def __init__(self, context: NodeContext) -> None:
+        super().__init__(context)
+        self._settings = EvaluationSettings.model_validate(context.spec.settings)
+        self._ended = threading.Event()
+        self._ended.set()
+        self._metrics: tuple[Metric, ...] = ()
+        self._folder: RunFolder | None = None
+        self._about: dict[str, Any] = {}
+
+    def configure(self) -> None:
+        """Loads the metrics and makes the run's folder."""
+        settings, chosen = self._settings, self.facts.environment
+        if chosen is None:
+            raise RunError("the plan has no environment: set ai.training.environment_id")
+        if not settings.candidates:
+            raise RunError("there is no checkpoint to judge: correct model_checkpoint")
+        names = settings.metrics or tuple(BUILT_IN)
+        self._metrics = tuple(map(load_metric, names))
+        seed = settings.seed if settings.seed is not None else chosen.seed
+        self._seed = DEFAULT_SEED if seed is None else seed
+        self._about = {
+            "environment": chosen.environment_id,
+            "reward_function": chosen.reward_function,
+            "randomise": settings.randomise,
+            "wanted": settings.num_episodes,
+        }
+        hidden = {"output_folder", "environment", "environment_id", "candidates"}
+        facts = {
+            **self._about,
+            "kind": "evaluation",
+            "seed": self._seed,
+            "settings": {
+                **settings.model_dump(mode="json", exclude=hidden),
+                **{item.field.rpartition(".")[2]: item.given for item in settings.candidates},
+            },
+            **described(Path(self.facts.folder or ".")),
+        }
+        name = chosen.environment_id.rpartition("/")[2]
+        self._folder = RunFolder.create(Path(settings.output_folder), f"eval-{name}", facts)
+        self._about |= {"versions": facts["versions"], "started": self._folder.facts()["started"]}
+
+    def activate(self) -> None:
+        """Starts to play."""
+        assert self._folder is not None
+        self.context.log.info("this evaluation is in %s", self._folder.path)
+        self._ended.clear()
+        self.context.spawn_thread(self._evaluate, name="evaluation", hang_after_s=HANG_S)
+
+    def deactivate(self) -> None:
+        """Waits for the files."""
+        if not self._ended.wait(SAVE_S):
+            self.context.log.warning("the evaluation did not stop within %g s: files are missing", SAVE_S)
+
+    def _evaluate(self) -> None:
+        try:
+            judged = self._judged()
+            if not judged or not judged[0].episodes:
+                return
+            wanted = self._settings.num_episodes * len(self._settings.candidates)
+            complete = sum(len(one.episodes) for one in judged) == wanted
+            clips, note = self._clips(judged) if complete else ([], "")
+            if self.context.stopping and complete:
+                note = "The run was stopped before all videos were made."
+            self._write(judged, clips, note, complete)
+            if complete:
+                self.context.end_run(self._summary(judged))
+        finally:
+            self._ended.set()
+
+    def _judged(self) -> list[Judged]:
+        """Plays all episodes with each checkpoint; fewer where the run is stopped."""
+        settings, done = self._settings, 0
+        total = settings.num_episodes * len(settings.candidates)
+        found: list[Judged] = []
+        for candidate in settings.candidates:
+            player = self._player(candidate)
+            arena = self._arena(player.options)
+            try:
+                player.load(arena)
+                judged = Judged(candidate.given, self._measurable(arena))
+                found.append(judged)
+                self.context.log.info("judging %s", candidate.path)
+                for index in range(settings.num_episodes):
+                    judged.add(play(arena, player, self._seed + index, lambda: self.context.stopping))
+                    done += 1
+                    self.context.progress("evaluation", float(done), float(total), unit="episodes")
+                    self.context.show(f"success {judged.success_rate:.2f}")
+            except Stopped:
+                break
+            finally:
+                player.close()
+                arena.close()
+        return found
+
+    def _measurable(self, arena: Arena) -> tuple[Metric, ...]:
+        """The metrics, without those of the default that the environment has no numbers for."""
+        lacking = [m for m in self._metrics if m.needs and m.needs not in arena.features]
+        if lacking and self._settings.metrics:
+            name, needs = lacking[0].name, lacking[0].needs
+            raise CheckpointError(
+                f"The metric {name} requires {needs}, which {self._about['environment']} does not show",
+                f"Remove {name} from metrics",
+            )
+        return tuple(metric for metric in self._metrics if metric not in lacking)
+
+    def _player(self, candidate: Candidate) -> Player:
+        settings = self._settings
+        from joshua_evaluation.players import ModelPlayer, PolicyPlayer
+
+        if candidate.model is None:
+            return PolicyPlayer(Path(candidate.path))
+        return ModelPlayer(
+            candidate.model,
+            task=settings.task,
+            strategy=settings.strategy,
+            steps_per_chunk=settings.steps_per_chunk,
+            delay=settings.inference_delay,
+        )
+
+    def _arena(self, options: dict[str, Any]) -> Arena:
+        chosen = self.facts.environment
+        assert chosen is not None
+        varied = {"randomise": True} if self._settings.randomise else {}
+        return Arena(chosen.make, chosen.environment_id, chosen.reward_function, **options, **varied)
+
+    def _clips(self, judged: Sequence[Judged]) -> tuple[list[report.Clip], str]:
+        """Videos of the best and worst episodes, played again; and why there are none, else ""."""
+        if not self._settings.videos:
+            return [], ""
+        clips: list[report.Clip] = []
+        try:
+            for candidate, one in zip(self._settings.candidates, judged, strict=True):
+                clips += self._filmed(candidate, one)
+        except Stopped:
+            pass
+        except Exception as error:  # noqa: BLE001 (OpenGL, codecs: figures are worth more than videos)
+            self.context.warn(f"the report has no videos: {error}")
+            return clips, f"No videos: {error}"
+        return clips, ""
+
+    def _filmed(self, candidate: Candidate, judged: Judged) -> list[report.Clip]:
+        from joshua_evaluation.videos import as_mp4
+
+        player = self._player(candidate)
+        plain = self._arena(player.options)
+        camera = self._settings.camera or plain.camera
+        plain.close()
+        shown = player.options.get("cameras", ())
+        size = {"width": VIDEO_SIZE[0], "height": VIDEO_SIZE[1]}
+        options = {**size, **player.options, "observation_mode": "both"}
+        options["cameras"] = tuple(dict.fromkeys((*shown, camera)))
+        arena = self._arena(options)
+        order = judged.order
+        count = min(self._settings.videos, len(order))
+        best = order[:count]
+        worst = [index for index in order[-count:] if index not in best]
+        clips = []
+        try:
+            player.load(arena)
+            for label, indices in (("best", best), ("worst", worst)):
+                for index in indices:
+                    pictures: list[Any] = []
+                    episode = judged.episodes[index]
+                    again = play(
+                        arena,
+                        player,
+                        episode.seed,
+                        lambda: self.context.stopping,
+                        lambda seen, into=pictures: into.append(seen[camera][0].copy()),  # type: ignore[misc]
+                    )
+                    caption = _caption(label, judged, index)
+                    if abs(again.rewards.sum() - episode.rewards.sum()) > 1e-6:
+                        caption += "; played again, it went differently"
+                    clips.append(report.Clip(as_mp4(pictures, 1 / arena.period_s), caption))
+        finally:
+            player.close()
+            arena.close()
+        return clips
+
+    def _write(
+        self, judged: Sequence[Judged], clips: Sequence[report.Clip], note: str, complete: bool
+    ) -> None:
+        assert self._folder is not None
+        settings = self._settings
+        intervals = Intervals(settings.confidence, settings.bootstrap_samples, self._seed)
+        results = as_json(judged, {**self._about, "complete": complete}, intervals)
+        folder = self._folder
+        try:
+            (folder.path / TABLE).write_text(as_csv(judged), encoding="utf-8")
+            (folder.path / REPORT).write_text(report.page(results, judged, clips, note), encoding="utf-8")
+            folder.write_json(RESULTS, results)
+        except OSError as error:
+            raise RunError(
+                f"{folder.path} cannot be written: {error.strerror or error}: make room, and evaluate again; "
+                "the same seeds give the same episodes"
+            ) from error
+        self.context.log.info("report %s", folder.path / REPORT)
+
+    def _summary(self, judged: Sequence[Judged]) -> str:
+        assert self._folder is not None
+        rates = " against ".join(f"{one.success_rate:.2f}" for one in judged)
+        count = len(judged[0].episodes)
+        return f"{count} episodes: success {rates}, {self._folder.path / REPORT}"
+
+
+def _caption(label: str, judged: Judged, index: int) -> str:
+    episode = judged.episodes[index]
+    done = "success" if episode.success else "no success"
+    return (
+        f"{label} of {judged.name}: episode {index}, seed {episode.seed}, {done}, "
+        f"return {episode.rewards.sum():.4g}, {episode.steps} steps"
+    )

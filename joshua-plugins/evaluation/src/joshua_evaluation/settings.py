@@ -1,0 +1,173 @@
+"""Settings of an evaluation, checked while the file is: metrics, checkpoints, the model plugin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from joshua.api import BlockContext, BlockSettings, FieldError
+from joshua.api.models import Compute
+from joshua.tools import nearest_first
+from pydantic import BaseModel, ConfigDict, model_validator
+from typing_extensions import Self
+
+from joshua_evaluation.checkpoints import CheckpointError, recognise
+from joshua_evaluation.metrics import BUILT_IN, offered
+from joshua_evaluation.plugins import ModelOffer, model_offer
+
+_OWN = "eval_config."
+
+#: Seed of the first episode, where neither the block nor the simulation has one.
+DEFAULT_SEED = 1000
+
+
+class Candidate(BaseModel):
+    """A checkpoint and what runs it.
+
+    Attributes:
+        field: that names it; given: as it does; path: of the weights.
+        model: the plugin that runs it, None for the policy of a trainer.
+        environment: that it was trained in, "" where nothing says so.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    field: str
+    given: str
+    path: str
+    environment: str = ""
+    model: ModelOffer | None = None
+
+
+class EvaluationSettings(BlockSettings):
+    """What the file says of an evaluation.
+
+    Attributes:
+        candidates: the checkpoint, and the one that it is compared with.
+        seed: of the first episode; None for that of the simulation.
+    """
+
+    environment: str = ""
+    environment_id: str = ""
+    candidates: tuple[Candidate, ...] = ()
+    num_episodes: int = 1
+    metrics: tuple[str, ...] = ()
+    seed: int | None = None
+    confidence: float = 0.95
+    bootstrap_samples: int = 10_000
+    videos: int = 1
+    camera: str = ""
+    randomise: bool = False
+    output_folder: str = ""
+    task: str = ""
+    strategy: str = "SYNCHRONOUS"
+    steps_per_chunk: int | None = None
+    inference_delay: int = 0
+    compute: Compute = Compute()
+
+    @classmethod
+    def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
+        """Takes the fields of ``eval_config``, and finds out what the checkpoints are."""
+        del node
+        block: Mapping[str, Any] = values["eval_config"] or {}
+        known = {
+            name: value
+            for name, value in block.items()
+            if name in cls.model_fields and value is not None and name != "compute"
+        }
+        folder = Path(context.folder)
+        known["output_folder"] = str(folder / (block.get("output_folder") or "runs"))
+        known["environment"] = values["environment"] or ""
+        known["environment_id"] = values["environment_id"] or ""
+        if block.get("compute"):
+            known["compute"] = Compute(**{k: v for k, v in block["compute"].items() if v is not None})
+        if not block.get("num_episodes"):
+            known.pop("num_episodes", None)  # the schema reports that it is missing
+        told = {"plugin": block.get("plugin_config"), "compute": known.get("compute", Compute())}
+        known["candidates"] = [
+            {"told": {"field": name, "given": block[name], "folder": folder, "task": block["task"], **told}}
+            for name in ("model_checkpoint", "compare_with")
+            if block.get(name)
+        ]
+        return known
+
+    @model_validator(mode="before")
+    @classmethod
+    def _recognised(cls, values: Any) -> Any:
+        """Replaces what the file names by what is there; settings of a running node have it already."""
+        raw = values.get("candidates", ())
+        if values.get("environment") == "ENV_REAL":
+            return {**values, "candidates": []}
+        found = (_candidate(item["told"]) if "told" in item else item for item in map(dict, raw))
+        return {**values, "candidates": [item for item in found if item is not None]}
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if self.environment == "ENV_REAL":
+            raise FieldError(
+                "environment",
+                "An evaluation does not run on a robot here, because nothing resets the scene between its "
+                "episodes and nothing but a person can tell whether one succeeded",
+                allowed=("ENV_SIMULATION",),
+                remedy="Evaluate in simulation, or run the model with MODE_INFERENCE and mark each episode: "
+                "`joshua call NODE begin_episode` and `joshua call NODE end_episode success=true`",
+            )
+        known = (*BUILT_IN, *offered())
+        for index, name in enumerate(self.metrics):
+            if name not in known:
+                near = tuple(nearest_first(name, known))
+                raise FieldError(
+                    f"{_OWN}metrics[{index}]",
+                    f"There is no metric {name!r}",
+                    allowed=near,
+                    remedy=f'Write "{near[0]}", or install the plugin that brings it',
+                )
+            if name in self.metrics[:index]:
+                raise FieldError(
+                    f"{_OWN}metrics[{index}]", f"The metric {name!r} stands there twice", remedy="Remove one"
+                )
+        if not self.environment_id:
+            trained = next((item.environment for item in self.candidates if item.environment), "")
+            where = f"; the checkpoint was trained in {trained}" if trained else ""
+            raise FieldError(
+                "environment_id",
+                f"The evaluation does not say in which environment{where}",
+                allowed=(trained,) if trained else (),
+                remedy=f'Add environment_id: "{trained or "joshua/SoArm100Reach-v0"}"',
+            )
+        for item in self.candidates:
+            if item.environment and item.environment != self.environment_id:
+                raise FieldError(
+                    item.field,
+                    f"{item.given} was trained in {item.environment}, and is judged in {self.environment_id}",
+                    remedy=f'Name another checkpoint, or write environment_id: "{item.environment}"',
+                )
+        return self
+
+
+def _candidate(told: Mapping[str, Any]) -> dict[str, Any] | None:
+    """What a checkpoint is; None for one that is not there, which the checks of paths report."""
+    field, given, plugin = f"{_OWN}{told['field']}", str(told["given"]), told["plugin"]
+    place = Path(told["folder"]) / Path(given).expanduser()
+    try:
+        found = recognise(place, given, block=str(plugin["type_url"]).rpartition("/")[2] if plugin else "")
+        if found is None:
+            return None
+        model = None
+        if found.block:
+            content = bytes(plugin["value"]) if plugin else b""
+            model = model_offer(found.block, content, found.path, told["task"], told["compute"])
+    except CheckpointError as error:
+        raise FieldError(field, error.message, remedy=error.remedy) from error
+    except FieldError as error:
+        if plugin and error.field:
+            field = f"{_OWN}plugin_config.{error.field}"
+        raise FieldError(field, str(error), allowed=error.allowed, remedy=error.remedy) from error
+    return {
+        "field": field,
+        "given": given,
+        "path": found.path,
+        "environment": found.environment,
+        "model": model,
+    }
