@@ -149,6 +149,7 @@ def learn(session: nox.Session) -> None:
     names = (
         "dataset",
         "emulator",
+        "evaluation",
         "inference",
         "mock",
         "mujoco-sim",

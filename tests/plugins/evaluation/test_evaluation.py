@@ -163,7 +163,7 @@ def test_the_report_shows_the_best_and_the_worst_episode(
         assert caption.startswith(f"{label} of {reaching}: episode {index}, seed {40 + index}, ")
         assert "differently" not in caption
         with av.open(io.BytesIO(base64.b64decode(clip))) as video:
-            frames = sum(1 for _ in video.decode(video=0))
+            frames = len(list(video.decode(video=0)))
         assert frames == lengths[index] + 1
     assert context.warnings == []
 
