@@ -150,6 +150,7 @@ def learn(session: nox.Session) -> None:
         "dataset",
         "emulator",
         "evaluation",
+        "imitation",
         "inference",
         "mock",
         "mujoco-sim",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from joshua.testing.program import JoshuaProgram
 from joshua_dataset.reader import Dataset
@@ -27,3 +29,32 @@ def test_an_episode_is_recorded_and_replayed(joshua_run: JoshuaProgram, tmp_path
     assert replayed.returncode == 0, text
     assert "tracking error of episode 0" in text
     assert "ended with 0: /data_store: 1 episodes are replayed" in text
+
+
+def test_an_expert_shows_a_task_to_the_recorder(joshua_run: JoshuaProgram, tmp_path: Path) -> None:
+    folder = tmp_path / "demos"
+    changes = {
+        "simulation.model_path": '"so_arm100/reach.xml"',
+        "robot.actions[expert].sim_config.demonstrate": '"joshua/SoArm100Reach-v0"',
+        "ai.data_store.local_path": str(folder),
+    }
+    words = [word for path, value in changes.items() for word in ("--set", f"{path}={value}")]
+    run = joshua_run.start("--config", str(CONFIGS / "data_store_demonstrations.pbtxt"), *words)
+    until_s = time.monotonic() + 120
+    shown = joshua_run("demonstrate", "--run", "--episodes", "2")
+    while shown.returncode != 0 and time.monotonic() < until_s and run.poll() is None:
+        time.sleep(0.5)  # the run is not there yet, or has no message of a camera yet
+        shown = joshua_run("demonstrate", "--run", "--episodes", "2")
+    said, errors = joshua_run.stop(run)
+    assert shown.returncode == 0, shown.stderr + said + errors
+    assert "episode 2 of 2\n2 episodes recorded" in shown.stdout
+    recorded = Dataset.read(folder)
+    first = next(iter(recorded.episode_list()))
+    assert sorted(first.pictures) == ["observation.images.top", "observation.images.wrist"]
+    assert set(recorded.features) == {"acquisition_ns", "observation.state", "action", *first.pictures}
+    assert recorded.fps == 25
+    columns = recorded.columns(first)
+    assert columns["action"].shape == columns["observation.state"].shape == (first.length, 6)
+    moved = np.abs(columns["action"][-1] - columns["action"][0]).max()
+    assert moved > 0.05
+    assert np.abs(columns["action"] - columns["observation.state"]).max() < 0.6

@@ -53,7 +53,12 @@ TABLE = {
     ],
     "CALIBRATION": ["calibrate_so_arm100", "calibrate_spike"],
     "TEST": ["test_single_motor", "test_camera", "test_mock_hardware", "test_lidar", "test_spike_ble"],
-    "DATA_STORE": ["data_store_record", "data_store_upload", "data_store_replay"],
+    "DATA_STORE": [
+        "data_store_record",
+        "data_store_demonstrations",
+        "data_store_upload",
+        "data_store_replay",
+    ],
     "SIMULATION": ["sim_interactive", "sim_passive", "sim_mirror", "sim_offscreen", "sim_lekoch"],
 }
 

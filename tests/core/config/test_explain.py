@@ -58,7 +58,7 @@ def test_a_field_is_explained_in_full() -> None:
         ("robot.actions.mock_motor_config", ["excludes  sts3215", "motion_file           CSV file"]),
         ("robot.actions[leader_arm].node", ["node_name", "Base name of the ROS 2 node."]),
         ("sts3215_config.motor_ids", ["robot.actions.sts3215_config.motor_ids: list"]),
-        ("ai.training.imitation_config.loss_function", ['allowed   "mse", "l1"', 'default   "mse"']),
+        ("ai.training.imitation_config.loss_function", ['allowed   "mse", "l1"', 'loss_function: "l1"']),
         ("STS3215Config", ["used by   robot.actions.sts3215_config", "velocity"]),
         ("joshua.STS3215Config", ["joshua.STS3215Config: block"]),
         ("Publisher.qos.depth", ["Publisher.qos.depth: whole number"]),

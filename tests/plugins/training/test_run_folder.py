@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
-from joshua_training.run_folder import RunError, RunFolder, described
+from joshua_training.run_folder import RunError, RunFolder, described, refuse_other
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
@@ -46,3 +46,24 @@ def test_a_run_records_versions_and_git(tmp_path: Path) -> None:
     assert described(tmp_path)["git"] is None
     found = described(Path(__file__).parent)
     assert "joshua-core" in found["versions"]
+
+
+def test_a_checkpoint_of_folders_is_put_in_its_place_at_once(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path, "run", {})
+
+    def write(draft: Path) -> None:
+        assert folder.checkpoints() == []
+        (draft / "model").mkdir()
+        (draft / "model" / "weights").write_bytes(b"1")
+
+    assert (folder.save_by(7, write) / "model" / "weights").read_bytes() == b"1"
+    assert [path.name for path in folder.checkpoints()] == ["step_000000000007"]
+
+
+def test_a_run_goes_on_with_its_own_settings_only() -> None:
+    before = {"seed": 1, "settings": {"batch_size": 8, "sizes": [1, 2], "steps": 10}}
+    refuse_other(before, {"seed": 1, "settings": {"batch_size": 8, "sizes": (1, 2), "steps": 20}}, ("steps",))
+    with pytest.raises(RunError, match="was started with batch_size 8, and the file says 4: continue with"):
+        refuse_other(before, {"settings": {"batch_size": 4}}, ())
+    with pytest.raises(RunError, match="was started with seed 1, and the file says 2"):
+        refuse_other(before, {"seed": 2}, ())

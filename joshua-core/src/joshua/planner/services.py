@@ -70,7 +70,7 @@ def resolve_services(draft: Draft) -> list[ResolvedService]:
                 continue
             owner = registry.owner(spec).distribution
         folder, store = _folder(draft, service.path), DataStoreContext()
-        if service.kind is SimulatorSpec and config.ai.HasField("data_store"):
+        if service.kind in (SimulatorSpec, TrainerSpec) and config.ai.HasField("data_store"):
             store = _data_store(draft)
         settings = draft.settings(
             spec, block, service.path, BlockContext(folder=folder, data_store=store, launch=draft.launch)
@@ -97,7 +97,7 @@ def _missing(draft: Draft, path: str, kind: type[PluginSpec], value: str, requir
 
 
 def _data_store(draft: Draft) -> DataStoreContext:
-    """Facts about the data set for a simulator that replays or makes episodes."""
+    """Facts about the data set for a trainer, and for a simulator that replays or makes episodes."""
     block, path = draft.config.ai.data_store, "ai.data_store"
     value = value_name(pb.DataFormat, block.format)
     writer = draft.registry.find(EpisodeWriterSpec, "data_store", value)
@@ -149,6 +149,7 @@ def service_node(draft: Draft, resolved: ResolvedService, told: Mapping[str, Any
         folder=resolved.folder,
         physics_socket=draft.request.physics_socket if service.kind is SimulatorSpec else "",
         environment=resolved.environment,
+        ready_timeout_s=getattr(settings, "ready_timeout_s", 0.0),
         stop_timeout_s=getattr(settings, "stop_timeout_s", 0.0),
         **(told if service.kind is StoreSpec else {}),
     )

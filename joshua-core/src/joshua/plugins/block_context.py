@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DataStoreContext:
-    """The data set that a simulator replays or generates.
+    """The data set that a simulator replays or generates, or that a trainer learns from.
 
     Attributes:
         writer: import string of the ``EpisodeWriter``, "" for none; episodes: to replay, () for all.
@@ -51,7 +51,7 @@ class BlockContext:
         calibration: of the node's device; None if it has none.
         joints: those that a sensor commands; () if not all are known.
         simulation: settings of the simulation of the device; None for a real device.
-        folder: to which paths of a service are relative; data_store: beside a simulator.
+        folder: to which paths of a service are relative; data_store: beside a simulator or trainer.
         model: of the entry of a model.
         launch: nodes will be started.
     """

@@ -90,3 +90,21 @@ def _rgb(picture: Any, path: Path, height: int, width: int) -> npt.NDArray[np.ui
         raise _other_size(path, picture.height, picture.width, height, width)
     found: npt.NDArray[np.uint8] = picture.to_ndarray(format="rgb24")
     return found
+
+
+def picture_at(where: Pictures, number: int, fps: int, height: int, width: int) -> npt.NDArray[np.uint8]:
+    """One picture of an episode in a video, decoded from the key frame before it.
+
+    Raises DatasetError and av.FFmpegError.
+    """
+    half_s = 0.5 / fps
+    wanted_s = where.from_s + number / fps - half_s
+    with av.open(str(where.path)) as container:
+        stream = container.streams.video[0]
+        _fits(stream, where.path, height, width)
+        if wanted_s > 0 and stream.time_base is not None:
+            container.seek(int(wanted_s / stream.time_base), stream=stream)
+        for picture in container.decode(stream):
+            if picture.time is None or picture.time >= wanted_s:
+                return _rgb(picture, where.path, height, width)
+    raise DatasetError(f"{where.path} ends before picture {number} of the episode")

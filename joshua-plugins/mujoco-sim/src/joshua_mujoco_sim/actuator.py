@@ -55,6 +55,7 @@ class SimActuator(Actuator):
         self._motion_start_s = 0.0
         self._stamps = self.context.clock
         self._unhook: Any = None
+        self._demonstrator: Any = None
 
     @property
     def connected(self) -> bool:
@@ -88,6 +89,8 @@ class SimActuator(Actuator):
             raise DeviceError(world.failure)
         with world.lock:
             position, velocity, force = self._angles(group), group.velocity_rad_s, group.torque
+            if self._demonstrator is not None:
+                position = self._sign * (self._demonstrator.goal - self._zero)
         return JointReading(self._stamps.now_ns(), position, self._sign * velocity, self._sign * force)
 
     def enable(self) -> None:
@@ -136,7 +139,7 @@ class SimActuator(Actuator):
             return
         if self._unhook is not None:
             self._unhook()
-        self._group = self._goal = self._motion = self._unhook = None
+        self._group = self._goal = self._motion = self._unhook = self._demonstrator = None
         leave_world(world)
 
     def _join(self, world: World, motion: Motion | None) -> None:
@@ -149,6 +152,13 @@ class SimActuator(Actuator):
         self._group, self._motion, self._goal, self._is_free = group, motion, None, False
         self._motion_start_s = world.physics.time_s
         self._world = world
+        if self.settings.demonstrate:
+            from joshua_mujoco_sim.demonstrating import Demonstrator
+
+            self._demonstrator = Demonstrator(world, self.settings.demonstrate, self.settings.noise_rad)
+            world.demonstrator = self._demonstrator
+            self._unhook = world.before_step(self._demonstrator.advance)
+            return
         self._unhook = world.before_step(self._drive)
 
     def _drive(self, physics: Physics) -> None:

@@ -102,8 +102,9 @@ class SimulatorNode(Simulator):
             self._window = self._window_if_possible(world)
 
     def verb_providers(self) -> tuple[object, ...]:
-        """The node, and the controls of its time."""
-        return (self, Controls(lambda: self._running()[0]))
+        """The node, the controls of its time, and a demonstrator that there is."""
+        shown = self._world.demonstrator if self._world is not None else None
+        return (self, Controls(lambda: self._running()[0]), *filter(None, (shown,)))
 
     def activate(self) -> None:
         """Lets time run."""

@@ -50,6 +50,13 @@ _UNITS = {
     "TRAJECTORY_UNIT_LEROBOT": "lerobot",
     "TRAJECTORY_UNIT_LEROBOT_DEGREES": "lerobot_deg",
 }
+
+#: Models of the tasks that have a demonstrator (``envs.experts.EXPERTS``).
+_DEMONSTRATED = {
+    "joshua/SoArm100Reach-v0": "so_arm100/reach.xml",
+    "joshua/SoArm100PickPlace-v0": "so_arm100/pick_place.xml",
+}
+
 _MOTIONS = {"MOCK_MOTION_NONE": "none", "MOCK_MOTION_SINE": "sine", "MOCK_MOTION_FILE": "file"}
 
 
@@ -217,6 +224,7 @@ class SimActuatorSettings(ActuatorSettings):
         joint_ranges: name and limits of the joint of each in the model.
         calibration: None if the joints count from the model's zero.
         motion, motion_amplitude_rad, motion_frequency_hz, motion_file: motion without torque.
+        demonstrate: id of the task whose scripted demonstrator this is, "" for none; noise_rad: of its goals.
     """
 
     actuators: tuple[str, ...]
@@ -226,6 +234,9 @@ class SimActuatorSettings(ActuatorSettings):
     motion_amplitude_rad: float
     motion_frequency_hz: float
     motion_file: str
+    demonstrate: str = ""
+    noise_rad: float = 0.0
+    model_path: str = ""
     joint_ranges: tuple[dict[str, Any], ...] = ()
     calibration: ArmCalibration | None = None
 
@@ -242,6 +253,7 @@ class SimActuatorSettings(ActuatorSettings):
             return result
         facts = facts_of(simulation)
         result["actuators"] = tuple(result.get("actuators") or facts.actuators)
+        result["model_path"] = str(simulation.get("model_path") or "")
         result["joint_ranges"] = [
             {
                 "name": facts.joints.get(name, name).rpartition("/")[2],
@@ -267,6 +279,13 @@ class SimActuatorSettings(ActuatorSettings):
                     f"the model's actuator {name!r} takes a torque, as <motor> does, and no position",
                     remedy="use <position> or <velocity> in the model, or leave the actuator out",
                 )
+        if self.demonstrate and self.model_path and self.model_path != _DEMONSTRATED[self.demonstrate]:
+            raise FieldError(
+                "demonstrate",
+                f"{self.demonstrate} is a task in {_DEMONSTRATED[self.demonstrate]}, and the simulation is "
+                f"{self.model_path}",
+                remedy=f'set simulation {{ model_path: "{_DEMONSTRATED[self.demonstrate]}" }}',
+            )
         if self.motion == "file" and not self.motion_file:
             raise FieldError(
                 "motion_file",

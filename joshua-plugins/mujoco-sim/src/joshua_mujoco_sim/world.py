@@ -113,6 +113,7 @@ class World:
         failure: why the world stopped by itself; "" while all is well.
         divergences: what went wrong and was reset, the first ``DIVERGENCES_KEPT`` of them.
         divergence_count: how often in all.
+        demonstrator: that shows a task, None without one; its verbs are those of the simulator's node.
     """
 
     def __init__(self, settings: WorldSettings) -> None:
@@ -127,6 +128,7 @@ class World:
         self.failure = ""
         self.divergences: list[str] = []
         self.divergence_count = 0
+        self.demonstrator: object | None = None
         self._pacer = Pacer(self.physics.timestep_s, settings.real_time_factor)
         self._jobs: deque[Callable[[], None]] = deque()
         self._jobs_lock = threading.RLock()

@@ -8,7 +8,7 @@ import platform
 import shutil
 import subprocess
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -151,6 +151,30 @@ class RunFolder:
         for old in self.checkpoints()[:-KEPT]:
             shutil.rmtree(old, ignore_errors=True)
         return final
+
+
+def refuse_other(before: Mapping[str, Any], wanted: Mapping[str, Any], free: Collection[str]) -> None:
+    """Refuses to continue a run with something else than what it was started with.
+
+    Args:
+        before: the facts of the run; wanted: those of the file; ``settings`` of both are compared one by one.
+        free: settings that may change.
+
+    Raises:
+        RunError: something is different; names the first.
+    """
+    old = {**before, **before.get("settings", {})}
+    new = {**wanted, **wanted.get("settings", {})}
+    for key, value in new.items():
+        if key != "settings" and key not in free and _plain(old.get(key)) != _plain(value):
+            raise RunError(
+                f"the run was started with {key} {old.get(key)}, and the file says {value}: "
+                "continue with the settings of the run, or start a new one"
+            )
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
 
 
 def described(folder: Path) -> dict[str, Any]:

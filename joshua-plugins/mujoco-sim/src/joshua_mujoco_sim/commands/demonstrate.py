@@ -1,9 +1,14 @@
-"""``joshua demonstrate``: record a data set of a scripted demonstrator at a simulated task."""
+"""``joshua demonstrate``: record a data set of a scripted demonstrator at a simulated task.
+
+Without ``--run`` each step waits for its frame. With it, the demonstrator leads the arm of a run, and the
+recorder of the run records that.
+"""
 
 from __future__ import annotations
 
 import argparse
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +23,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "environment",
         metavar="ENVIRONMENT",
+        nargs="?",
+        default="",
         help="id of the task, with or without joshua/",
     )
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="of the data set; must not exist")
+    parser.add_argument(
+        "folder", type=Path, metavar="FOLDER", nargs="?", help="of the data set; must not exist"
+    )
+    parser.add_argument(
+        "--run",
+        dest="shows",
+        action="store_true",
+        help="have the demonstrator of a run show episodes to its recorder",
+    )
+    parser.add_argument("--system", default="", help="file or process id, where several runs have one")
     parser.add_argument("--episodes", type=_positive, default=50, metavar="N", help="how many (default 50)")
     parser.add_argument("--seed", type=int, default=0, help="of the first episode (default 0)")
     parser.add_argument("--cameras", default="", metavar="NAMES", help="cameras to record, such as top,wrist")
@@ -37,6 +53,12 @@ def run(arguments: argparse.Namespace) -> int:
     from joshua.api.specs import EpisodeWriterSpec
     from joshua.features import EpisodeError
     from joshua.tools import ExitCode, load_registry, load_target, nearest_first
+
+    if arguments.shows:
+        return _show(arguments)
+    if not arguments.environment or arguments.folder is None:
+        sys.stderr.write("joshua demonstrate: name a task and a folder, or --run for a run that records\n")
+        return ExitCode.INVALID
 
     from joshua_mujoco_sim.envs import make_environment
     from joshua_mujoco_sim.envs.experts import EXPERTS
@@ -173,6 +195,77 @@ def _record(recorder: Recorder, expert: Any, task: str, arguments: argparse.Name
     finally:
         recorder.close()
     return failed
+
+
+SIMULATOR, RECORDER = "/simulation", "/data_store"
+
+#: Wall time that a demonstration, or a scene, may take at most.
+LONGEST_S = 300.0
+
+
+def _show(arguments: argparse.Namespace) -> int:
+    """Have the demonstrator of a run show episodes, and its recorder keep those that succeed."""
+    from joshua.tools import CallError, ExitCode, RunningSystem
+
+    if arguments.environment:
+        sys.stderr.write("joshua demonstrate: with --run, the file of the run says the task and the folder\n")
+        return ExitCode.INVALID
+    kept = failed = in_a_row = 0
+    seed = arguments.seed
+    try:
+        systems = [RunningSystem.find(arguments.system)] if arguments.system else RunningSystem.all()
+        systems = [item for item in systems if item.has(SIMULATOR) and item.has(RECORDER)]
+        if len(systems) != 1:
+            raise CallError(
+                "unknown-node",
+                "several runs have a simulation and a recorder: name one with --system FILE"
+                if systems
+                else "no run has a simulation and a recorder: start one, such as "
+                "`joshua --config data_store_demonstrations.pbtxt`, then run this in another terminal",
+            )
+        while kept < arguments.episodes and in_a_row < MOST_FAILED:
+            if _one(systems[0], seed):
+                kept, in_a_row = kept + 1, 0
+                sys.stdout.write(f"episode {kept} of {arguments.episodes}\n")
+                sys.stdout.flush()
+            else:
+                failed, in_a_row = failed + 1, in_a_row + 1
+            seed += 1
+    except CallError as error:
+        sys.stderr.write(f"joshua demonstrate: {error}\n")
+        return ExitCode.FAILED
+    except KeyboardInterrupt:
+        sys.stdout.write("stopped\n")
+    lost = f"; {failed} that failed are left out" if failed else ""
+    sys.stdout.write(f"{kept} episodes recorded{lost}\n")
+    return ExitCode.OK if kept == arguments.episodes else ExitCode.FAILED
+
+
+def _one(system: Any, seed: int) -> bool:
+    """Show one scene. Raises CallError; the recorder keeps nothing half done."""
+    system.call(SIMULATOR, "set_scene", {"seed": seed})
+    _wait(system, ("ready",))
+    system.call(RECORDER, "start", {}, timeout_s=30.0)
+    recorded = False
+    try:
+        system.call(SIMULATOR, "show", {})
+        recorded = _wait(system, ("succeeded", "failed")) == "succeeded"
+    finally:
+        system.call(RECORDER, "keep" if recorded else "discard", {}, timeout_s=60.0)
+    return recorded
+
+
+def _wait(system: Any, phases: tuple[str, ...]) -> str:
+    """Wait for a phase of the demonstrator. Raises CallError."""
+    from joshua.tools import CallError
+
+    until_s = time.monotonic() + LONGEST_S
+    while time.monotonic() < until_s:
+        phase = str(system.call(SIMULATOR, "progress", {})["phase"])
+        if phase in phases:
+            return phase
+        time.sleep(0.02)
+    raise CallError("timeout", f"the demonstrator is not {' or '.join(phases)} after {LONGEST_S:g} s")
 
 
 def _positive(text: str) -> int:

@@ -99,14 +99,20 @@ class SingleState:
     Args:
         model: the compiled model, not shared with anybody.
         action_size: A.
-        forces: compute ``contact_forces`` after each step.
+        forces: compute ``contact_forces`` after each step; data: that others step, None for its own.
     """
 
     xp: Any = np
 
-    def __init__(self, model: mujoco.MjModel, action_size: int, forces: bool = False) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        action_size: int,
+        forces: bool = False,
+        data: mujoco.MjData | None = None,
+    ) -> None:
         self.model = model
-        self.data = mujoco.MjData(model)
+        self.data = mujoco.MjData(model) if data is None else data
         self.qpos, self.qvel = self.data.qpos[None], self.data.qvel[None]
         self.ctrl = self.data.ctrl[None]
         self.mocap_pos = self.data.mocap_pos[None]

@@ -1,0 +1,1 @@
+"""Imitation learning: policies of LeRobot learn from recorded episodes."""

@@ -1,0 +1,139 @@
+"""From the settings to what learns: data set, policy, order of the batches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from joshua_dataset.decoding import DatasetError
+from joshua_lerobot.checkpoint import CheckpointError, read_checkpoint
+from joshua_training.run_folder import RunError, RunFolder
+
+from joshua_imitation.augmentation import Augmentation
+from joshua_imitation.data import Recording, open_dataset
+from joshua_imitation.learner import POLICY, Learner, read_state
+from joshua_imitation.loader import Maker, Order
+from joshua_imitation.pictures import Album
+from joshua_imitation.policies import make_parts
+from joshua_imitation.settings import ImitationSettings
+
+
+@dataclass(frozen=True)
+class Built:
+    """What learns, as soon as its run has a folder.
+
+    Attributes:
+        learner: makes it, given the folder; album: pictures, to be filled first.
+        features: of the policy's inputs and outputs by key, their shapes.
+        weights: that learn; frames, learned: frames and episodes to learn from; kept_back: episodes.
+    """
+
+    learner: Callable[[RunFolder], Learner]
+    album: Album
+    features: dict[str, list[int]]
+    weights: int
+    frames: int
+    learned: int
+    kept_back: int
+
+
+def build(settings: ImitationSettings, continued: Path | None = None) -> Built:
+    """Makes everything but the learner itself.
+
+    Args:
+        continued: checkpoint of a run that goes on.
+
+    Raises:
+        RunError: data set, settings or checkpoint do not fit; LibraryMissing.
+    """
+    device = _device(settings)
+    if continued is not None:
+        read_state(continued)
+        try:
+            read_checkpoint(continued / POLICY)
+        except CheckpointError as error:
+            raise RunError(
+                f"the checkpoint {continued} cannot be used: {error.message}: remove it, and an older one is "
+                "taken"
+            ) from error
+    torch.manual_seed(settings.seed)
+    dataset = open_dataset(settings.dataset)
+    try:
+        recording = Recording(dataset, settings.cameras)
+    except DatasetError as error:
+        raise RunError(str(error)) from error
+    size = (
+        (settings.image_height, settings.image_width)
+        if settings.image_height is not None and settings.image_width is not None
+        else None
+    )
+    learned, kept_back = recording.split(settings.validation_share, settings.seed)
+    album = Album(recording, size, settings.picture_cache_mb)
+    try:
+        place = continued / POLICY if continued is not None else None
+
+        def total(drop_last: int) -> tuple[Order, int]:
+            order = Order(
+                recording.frames(learned, drop_last),
+                settings.batch_size,
+                settings.accumulation_steps,
+                settings.seed,
+            )
+            whole = settings.num_epochs * order.updates_per_epoch
+            return order, min(whole, settings.max_steps or whole)
+
+        parts = make_parts(settings, dataset, album.sizes, device, lambda drop: total(drop)[1], place)
+        order, last = total(parts.drop_last)
+        if not order.updates_per_epoch:
+            raise RunError(
+                f"the episodes of {dataset.folder} are too short for a chunk of this policy: set a smaller "
+                "chunk_size"
+            )
+    except BaseException:
+        album.close()
+        raise
+    augmentation = (
+        Augmentation(settings.colour_jitter, settings.shift_px, settings.seed)
+        if settings.colour_jitter or settings.shift_px
+        else None
+    )
+    maker = Maker(recording, album, parts.windows, augmentation)
+    judge = Maker(recording, album, parts.windows)
+    judged = recording.frames(kept_back, parts.drop_last)
+    shapes = {**parts.config.input_features, **parts.config.output_features}
+    return Built(
+        learner=lambda folder: Learner(
+            settings, parts, recording, maker, judge, order, judged, last, folder, device
+        ),
+        album=album,
+        features={key: list(feature.shape) for key, feature in shapes.items()},
+        weights=sum(weight.numel() for weight in parts.policy.parameters() if weight.requires_grad),
+        frames=len(recording.frames(learned, parts.drop_last)),
+        learned=len(learned),
+        kept_back=len(kept_back),
+    )
+
+
+def _device(settings: ImitationSettings) -> str:
+    """The device that the file asks for. Raises RunError where it is not there."""
+    there: dict[str, Any] = {
+        "cuda": torch.cuda.is_available,
+        "mps": torch.backends.mps.is_available,
+        "cpu": lambda: True,
+    }
+    known = [name for name, is_there in there.items() if is_there()]
+    if settings.device == "auto":
+        chosen = known[0]
+    elif settings.device not in known:
+        raise RunError(
+            f'device: "{settings.device}" is not there; PyTorch {torch.__version__} finds '
+            f'{", ".join(known)}: set device: "auto", or install a PyTorch that is built for it'
+        )
+    else:
+        chosen = settings.device
+    if settings.precision == "float16" and chosen != "cuda":
+        raise RunError(f'float16 requires cuda, and the device is {chosen}: set precision: "bfloat16"')
+    return chosen

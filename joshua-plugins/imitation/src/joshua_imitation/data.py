@@ -1,0 +1,133 @@
+"""A data set in memory: the joints of all frames, and the windows that a policy learns from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from joshua.features import ACTION, STATE
+from joshua_dataset.decoding import DatasetError
+from joshua_dataset.reader import Dataset, Episode
+from joshua_training.run_folder import RunError
+
+Array = npt.NDArray[Any]
+
+PICTURES = "observation.images."
+
+#: State of the surroundings, which LeRobot's policies take beside or in place of pictures.
+SURROUNDINGS = "observation.environment_state"
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Which frames around one a policy sees and predicts, as distances; () for the frame itself."""
+
+    seen: tuple[int, ...] = ()
+    done: tuple[int, ...] = ()
+
+
+class Recording:
+    """The numbers of a data set, all frames one after the other.
+
+    Args:
+        dataset: its metadata; cameras: whose pictures count, () for all.
+
+    Attributes:
+        episodes: in their order; numbers: by key, (N, D) float32; pictures: keys of cameras.
+        first, last: of the episode of each frame, (N,); tasks: text of each frame.
+
+    Raises:
+        RunError: it cannot be read, or is empty.
+    """
+
+    def __init__(self, dataset: Dataset, cameras: Sequence[str] = ()) -> None:
+        self.dataset = dataset
+        keys = [key for key in (STATE, SURROUNDINGS, ACTION) if key in dataset.features]
+        parts: dict[str, list[Array]] = {key: [] for key in keys}
+        self.tasks: list[str] = []
+        try:
+            self.episodes: list[Episode] = list(dataset.episode_list())
+            for episode in self.episodes:
+                columns = dataset.columns(episode)
+                for key in keys:
+                    parts[key].append(np.asarray(columns[key], np.float32))
+                which = columns.get("task_index")
+                self.tasks += (
+                    [dataset.tasks[int(index)] for index in which]
+                    if which is not None and dataset.tasks
+                    else [" ".join(episode.tasks)] * episode.length
+                )
+        except (DatasetError, IndexError) as error:
+            raise RunError(f"{error}: run `joshua dataset check {dataset.folder}`") from error
+        if not self.episodes or not self.tasks:
+            raise RunError(f"{dataset.folder} has no episode to learn from: record some")
+        self.numbers = {key: np.concatenate(values) for key, values in parts.items()}
+        lengths = [len(values) for values in parts[ACTION]]
+        ends = np.cumsum(lengths)
+        self.first = np.repeat(ends - lengths, lengths)
+        self.last = np.repeat(ends - 1, lengths)
+        wanted = {f"{PICTURES}{name}" for name in cameras}
+        self.pictures = [
+            feature.key for feature in dataset.features.pictures if not wanted or feature.key in wanted
+        ]
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+    def frames(self, episodes: Sequence[int], drop_last: int = 0) -> Array:
+        """Numbers of the frames of some episodes, without the last ones of each."""
+        starts = np.unique(self.first)
+        ends = np.append(starts[1:], len(self))
+        found = [np.arange(starts[i], max(starts[i], ends[i] - drop_last)) for i in episodes]
+        return np.concatenate(found) if found else np.zeros(0, np.int64)
+
+    def split(self, share: float, seed: int) -> tuple[list[int], list[int]]:
+        """Episodes to learn from and episodes that are kept back, drawn by the seed."""
+        count = len(self.episodes)
+        kept = min(count - 1, max(1, round(share * count))) if share > 0 else 0
+        back = set(np.random.default_rng([seed, 1]).permutation(count)[:kept].tolist())
+        return [i for i in range(count) if i not in back], sorted(back)
+
+    def window(self, frames: Array, distances: tuple[int, ...]) -> tuple[Array, Array]:
+        """Frames at some distances, (B, K), kept inside their episode, and which are not in it."""
+        wanted = frames[:, None] + np.asarray(distances)
+        held = np.clip(wanted, self.first[frames, None], self.last[frames, None])
+        return held, held != wanted
+
+
+def open_dataset(place: str) -> Dataset:
+    """The metadata of a data set in a folder, or of one on the hub, which LeRobot's own loader fetches.
+
+    Raises:
+        RunError: it is neither, or cannot be read.
+    """
+    folder = Path(place)
+    if not folder.is_dir():
+        folder = _fetched(place)
+    try:
+        found = Dataset.read(folder)
+    except DatasetError as error:
+        raise RunError(f"{error}: run `joshua dataset check {folder}`") from error
+    if found.version != "v3.0" or found.format != "lerobot":
+        raise RunError(
+            f"{folder} has the layout {found.version}, {found.format}: run `joshua dataset convert {folder} "
+            "TARGET`, and train on TARGET"
+        )
+    return found
+
+
+def _fetched(name: str) -> Path:
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    try:
+        return Path(LeRobotDataset(name).root)
+    except Exception as error:
+        said = str(error).strip().partition("\n")[0]
+        raise RunError(
+            f"{name} is no folder here, and LeRobot cannot load it from the hub: {type(error).__name__}: "
+            f"{said}: correct dataset_name, or connect this machine"
+        ) from error

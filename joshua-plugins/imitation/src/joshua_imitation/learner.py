@@ -1,0 +1,303 @@
+"""Learning, one update after the other, with a state that can be written between any two."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from joshua_training.run_folder import RunError, RunFolder
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+
+from joshua_imitation.data import Array, Recording
+from joshua_imitation.loader import Batch, Loader, Maker, Order
+from joshua_imitation.policies import Parts, is_out_of_memory, save_policy, without_memory
+from joshua_imitation.settings import ImitationSettings
+
+POLICY, TRAINING, STATE = "pretrained_model", "training.safetensors", "state.json"
+
+_DTYPES = {"bfloat16": torch.bfloat16, "float16": torch.float16}
+
+
+class DivergedError(RunError):
+    """The loss or the gradient is not a number."""
+
+
+class Learner:
+    """Trains a policy.
+
+    Args:
+        settings: of the file; parts: what is trained; recording: that it learns from.
+        maker: of the batches to learn from, judge: of those to measure by; frames: of both.
+        folder: of the run; device: name of torch's.
+
+    Attributes:
+        steps: updates so far; total: of the whole training.
+    """
+
+    def __init__(
+        self,
+        settings: ImitationSettings,
+        parts: Parts,
+        recording: Recording,
+        maker: Maker,
+        judge: Maker,
+        order: Order,
+        kept_back: Array,
+        total: int,
+        folder: RunFolder,
+        device: str,
+    ) -> None:
+        self._settings, self.parts, self._recording = settings, parts, recording
+        self._maker, self._judge, self._order, self._kept_back = maker, judge, order, kept_back
+        self.total, self._folder, self._device = total, folder, device
+        self.steps = 0
+        self._half = _DTYPES.get(settings.precision)
+        # without an accelerator it does nothing
+        self._scaler = torch.amp.GradScaler(device, enabled=settings.precision == "float16")
+        self._window: dict[str, float] = {}
+        self._window_steps = 0
+        self._loader: Loader | None = None
+        self._began_s = time.perf_counter()
+        self._waited_s = 0.0
+
+    def update(self) -> dict[str, float] | None:
+        """Learns from the next batches; a row of metrics where one is due.
+
+        Raises:
+            DivergedError: the loss or the gradient is not a number; the weights are those before.
+            RunError: the memory does not suffice.
+        """
+        if self._loader is None:
+            self._loader = Loader(self._maker, self._order, self.steps, self.total, self._settings.workers)
+            self._began_s, self._waited_s = time.perf_counter(), 0.0
+        batches = next(self._loader)
+        try:
+            self._learn(batches)
+        except (RuntimeError, MemoryError) as error:
+            if not is_out_of_memory(error):
+                raise
+            raise without_memory(self._settings, self._device) from error
+        self.steps += 1
+        due = self.steps % self._settings.report_steps == 0 or self.steps == self.total
+        row = self._row() if due else None
+        if len(self._kept_back) and (
+            self.steps % self._settings.validation_steps == 0 or self.steps == self.total
+        ):
+            row = (row or {"steps": self.steps}) | {"loss/validation": self.validate()}
+        return row
+
+    def validate(self) -> float:
+        """The loss on episodes that are kept back, by the same noise each time."""
+        policy, settings = self.parts.policy, self._settings
+        count = min(len(self._kept_back), settings.validation_batches * settings.batch_size)
+        chosen = self._kept_back[np.linspace(0, len(self._kept_back) - 1, count).astype(int)]
+        total = 0.0
+        before = time.perf_counter()
+        with torch.random.fork_rng(devices=self._devices()), torch.no_grad():
+            torch.manual_seed(settings.seed)
+            for start in range(0, count, settings.batch_size):
+                frames = chosen[start : start + settings.batch_size]
+                loss, _ = self._loss(self._judge.make(frames))
+                total += float(loss) * len(frames)
+        policy.train()
+        self._began_s += time.perf_counter() - before  # rates are those of learning
+        return total / count
+
+    def close(self) -> None:
+        """Ends the threads."""
+        if self._loader is not None:
+            self._loader.close()
+
+    def _learn(self, batches: list[Batch]) -> None:
+        parts, optimiser = self.parts, self.parts.optimiser
+        parts.policy.train()
+        count = sum(len(batch["task"]) for batch in batches)
+        found: dict[str, float] = {}
+        for batch in batches:
+            share = len(batch["task"]) / count
+            loss, terms = self._loss(batch)
+            value = float(loss.detach())
+            if not np.isfinite(value):
+                optimiser.zero_grad()
+                raise self._diverged("the loss", batch)
+            self._scaler.scale(loss * share if len(batches) > 1 else loss).backward()
+            for name, term in {"loss/train": value, **terms}.items():
+                found[name] = found.get(name, 0.0) + share * term
+        self._scaler.unscale_(optimiser)
+        norm = float(torch.nn.utils.clip_grad_norm_(parts.policy.parameters(), parts.max_norm))
+        if not np.isfinite(norm) and not self._scaler.is_enabled():
+            optimiser.zero_grad()
+            raise self._diverged("the gradient", batches[-1])
+        self._scaler.step(optimiser)
+        self._scaler.update()
+        optimiser.zero_grad()
+        if parts.schedule is not None:
+            parts.schedule.step()
+        if hasattr(parts.policy, "update"):
+            parts.policy.update()
+        found["optimiser/gradient_norm"] = norm
+        for name, value in found.items():
+            self._window[name] = self._window.get(name, 0.0) + value
+        self._window_steps += 1
+
+    def _loss(self, batch: Batch) -> tuple[Any, dict[str, float]]:
+        with self._precision():
+            loss, terms = self.parts.policy.forward(self.parts.before(dict(batch)))
+        return loss, {
+            f"loss/{name}": float(value)
+            for name, value in (terms or {}).items()
+            if name.endswith("_loss") and isinstance(value, (int, float))
+        }
+
+    def _precision(self) -> AbstractContextManager[Any]:
+        return torch.autocast(self._device, self._half) if self._half is not None else nullcontext()
+
+    def _devices(self) -> list[int]:
+        return [torch.cuda.current_device()] if self._device == "cuda" else []
+
+    def _row(self) -> dict[str, float]:
+        count = max(1, self._window_steps)
+        row = {name: value / count for name, value in self._window.items()}
+        now_s = time.perf_counter()
+        took_s, began_waited = max(now_s - self._began_s, 1e-9), self._waited_s
+        waited_s = self._loader.waited_s if self._loader is not None else 0.0
+        self._began_s, self._waited_s = now_s, waited_s
+        self._window, self._window_steps = {}, 0
+        return {
+            "steps": self.steps,
+            "epoch": self.steps / self._order.updates_per_epoch,
+            **row,
+            "optimiser/learning_rate": float(self.parts.optimiser.param_groups[0]["lr"]),
+            "rate/updates_per_s": count / took_s,
+            "rate/loader_share": (waited_s - began_waited) / took_s,
+        }
+
+    def _diverged(self, what: str, batch: Batch) -> DivergedError:
+        path = self._folder.path / f"failed_batch_{self.steps + 1}.safetensors"
+        try:
+            save_file({key: value for key, value in batch.items() if isinstance(value, torch.Tensor)}, path)
+            kept = f"its batch is in {path}"
+        except (OSError, SafetensorError) as error:
+            kept = f"its batch cannot be written: {error}"
+        bad = [
+            key
+            for key, value in batch.items()
+            if isinstance(value, torch.Tensor)
+            and value.is_floating_point()
+            and not torch.isfinite(value).all()
+        ]
+        remedy = (
+            f"{', '.join(bad)} of the data set has values that are no numbers: run `joshua dataset check "
+            f"{self._recording.dataset.folder}`"
+            if bad
+            else 'lower learning_rate or max_grad_norm, or set precision: "float32"'
+        )
+        return DivergedError(
+            f"{what} is not a number at update {self.steps + 1}; {kept}, the weights before it are kept: "
+            f"{remedy}"
+        )
+
+    def save(self) -> Path:
+        """Writes a checkpoint. Raises RunError."""
+        return self._folder.save_by(self.steps, self._write)
+
+    def _write(self, folder: Path) -> None:
+        parts = self.parts
+        try:
+            save_policy(parts, self._recording.dataset, folder / POLICY)
+            arrays = {"generator.torch": torch.get_rng_state()}
+            if self._device == "cuda":
+                arrays["generator.cuda"] = torch.cuda.get_rng_state()
+            for index, memory in parts.optimiser.state_dict()["state"].items():
+                for name, value in memory.items():
+                    arrays[f"optimiser.{index}.{name}"] = torch.as_tensor(value).detach().cpu().contiguous()
+            if parts.adapters:
+                for name, weight in parts.policy.named_parameters():
+                    if weight.requires_grad:
+                        arrays[f"weight.{name}"] = weight.detach().cpu().contiguous()
+            save_file(arrays, folder / TRAINING)
+        except SafetensorError as error:  # a full disk, as the library says it
+            raise OSError(str(error)) from error
+        state = {
+            "format": 1,
+            "steps": self.steps,
+            "total": self.total,
+            "window": self._window,
+            "window_steps": self._window_steps,
+            "learning_rates": [group["lr"] for group in parts.optimiser.param_groups],
+            "schedule": _plain(parts.schedule.state_dict()) if parts.schedule is not None else None,
+            "scaler": self._scaler.state_dict() if self._scaler.is_enabled() else None,
+        }
+        (folder / STATE).write_text(json.dumps(state, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+
+    def restore(self, folder: Path) -> None:
+        """Goes on where a checkpoint was written; its weights are those of the policy already.
+
+        Raises:
+            RunError: a file is missing, torn or none of ours, or it is of another network.
+        """
+        arrays, state = read_state(folder)
+        parts = self.parts
+        memory: dict[int, dict[str, Any]] = {}
+        weights = dict(parts.policy.named_parameters())
+        try:
+            for key, value in arrays.items():
+                kind, _, rest = key.partition(".")
+                if kind == "optimiser":
+                    index, _, name = rest.partition(".")
+                    memory.setdefault(int(index), {})[name] = value
+                elif kind == "weight":
+                    weights[rest].data.copy_(value)
+            whole = parts.optimiser.state_dict()
+            if memory and set(memory) - set(
+                range(sum(len(group["params"]) for group in whole["param_groups"]))
+            ):
+                raise ValueError("it remembers more weights than the policy has")
+            whole["state"] = memory
+            parts.optimiser.load_state_dict(whole)
+            for group, rate in zip(parts.optimiser.param_groups, state["learning_rates"], strict=True):
+                group["lr"] = rate
+            if parts.schedule is not None:
+                parts.schedule.load_state_dict(parts.schedule.state_dict() | state["schedule"])
+            if self._scaler.is_enabled() and state["scaler"]:
+                self._scaler.load_state_dict(state["scaler"])
+            torch.set_rng_state(arrays["generator.torch"])
+            if self._device == "cuda" and "generator.cuda" in arrays:
+                torch.cuda.set_rng_state(arrays["generator.cuda"])
+            self.steps = int(state["steps"])
+            self._window, self._window_steps = dict(state["window"]), int(state["window_steps"])
+        except (KeyError, TypeError, ValueError, RuntimeError) as error:
+            raise RunError(
+                f"the checkpoint {folder} does not fit the policy of this file: {error}: continue with the "
+                "settings of the run"
+            ) from error
+
+
+def read_state(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What a checkpoint holds beside its policy. Raises RunError."""
+    try:
+        arrays = load_file(folder / TRAINING)
+        state = json.loads((folder / STATE).read_text(encoding="utf-8"))
+        if not isinstance(state, dict) or "steps" not in state or "generator.torch" not in arrays:
+            raise ValueError(f"{STATE} has no steps")
+    except (OSError, ValueError, SafetensorError) as error:
+        raise RunError(
+            f"the checkpoint {folder} cannot be used: {error}: remove it, and an older one is taken"
+        ) from error
+    return arrays, state
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The state of a schedule without its functions, which the settings give again."""
+    return {
+        key: value
+        for key, value in values.items()
+        if key in ("base_lrs", "last_epoch", "_last_lr", "_step_count")
+    }

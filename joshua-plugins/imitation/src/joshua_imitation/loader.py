@@ -1,0 +1,137 @@
+"""Batches in an order that the seed decides, prepared ahead by any number of threads."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import torch
+from joshua.features import ACTION
+
+from joshua_imitation.augmentation import Augmentation
+from joshua_imitation.data import Array, Recording, Windows
+from joshua_imitation.pictures import Album
+
+Batch = dict[str, Any]
+
+#: Batches that each thread prepares ahead.
+_AHEAD = 2
+
+
+class Order:
+    """Which frames each update takes: a new permutation in each epoch.
+
+    Args:
+        frames: to learn from; batch_size: of one batch; accumulated: batches of one update.
+        seed: of the order.
+    """
+
+    def __init__(self, frames: Array, batch_size: int, accumulated: int, seed: int) -> None:
+        self._frames, self._seed = frames, seed
+        self._batch, self._update = batch_size, batch_size * accumulated
+        self.updates_per_epoch = -(-len(frames) // self._update)
+        self._epoch, self._mixed = -1, frames
+
+    def batches(self, update: int) -> list[Array]:
+        """Frames of the batches of an update, counted from 0."""
+        epoch, at = divmod(update, self.updates_per_epoch)
+        if epoch != self._epoch:
+            self._mixed = np.random.default_rng([self._seed, 2, epoch]).permutation(self._frames)
+            self._epoch = epoch
+        chosen = self._mixed[at * self._update : (at + 1) * self._update]
+        return [chosen[i : i + self._batch] for i in range(0, len(chosen), self._batch)]
+
+
+class Maker:
+    """Makes batches as LeRobot's data sets do: joints, chunks of actions, pictures from 0 to 1, tasks.
+
+    Args:
+        recording, album: what is learned from; windows: of the policy; augmentation: None for none.
+    """
+
+    def __init__(
+        self, recording: Recording, album: Album, windows: Windows, augmentation: Augmentation | None = None
+    ) -> None:
+        self._recording, self._album, self._windows = recording, album, windows
+        self._augmentation = augmentation
+
+    def make(self, frames: Array, update: int = 0, number: int = 0) -> Batch:
+        """The batch of some frames; ``update`` and ``number`` of the batch in it seed the augmentation."""
+        recording, windows = self._recording, self._windows
+        batch: Batch = {}
+        chances = self._augmentation.chances(frames, update, number) if self._augmentation else None
+        for key, values in recording.numbers.items():
+            distances = windows.done if key == ACTION else windows.seen
+            if distances:
+                held, padded = recording.window(frames, distances)
+                batch[key] = torch.from_numpy(values[held])
+                batch[f"{key}_is_pad"] = torch.from_numpy(padded)
+            else:
+                batch[key] = torch.from_numpy(values[frames])
+        for key in recording.pictures:
+            if windows.seen:
+                held, padded = recording.window(frames, windows.seen)
+                batch[f"{key}_is_pad"] = torch.from_numpy(padded)
+            else:
+                held = frames
+            pictures = torch.from_numpy(self._album.get(key, held))
+            values = torch.movedim(pictures, -1, -3).contiguous().float().div_(255)
+            if self._augmentation is not None and chances is not None:
+                values = self._augmentation.apply(values, chances)
+            batch[key] = values
+        batch["task"] = [recording.tasks[index] for index in frames]
+        return batch
+
+
+class Loader:
+    """Hands out the batches of update after update.
+
+    Args:
+        maker, order: of the batches; first: update to begin with; last: one after the end.
+        threads: that prepare; 0 prepares when asked.
+
+    Attributes:
+        waited_s: how long ``next`` took in all.
+    """
+
+    def __init__(self, maker: Maker, order: Order, first: int, last: int, threads: int) -> None:
+        self._maker, self._order, self._last = maker, order, last
+        self._next = first
+        self._ready: deque[Future[list[Batch]]] = deque()
+        self._pool = ThreadPoolExecutor(threads, "batches") if threads else None
+        self._ahead = _AHEAD * threads
+        self.waited_s = 0.0
+
+    def __iter__(self) -> Iterator[list[Batch]]:
+        return self
+
+    def __next__(self) -> list[Batch]:
+        """The batches of the next update."""
+        began = time.perf_counter()
+        try:
+            if self._pool is None:
+                if self._next >= self._last:
+                    raise StopIteration
+                self._next += 1
+                return self._made(self._order.batches(self._next - 1), self._next - 1)
+            while len(self._ready) <= self._ahead and self._next < self._last:
+                chosen = self._order.batches(self._next)
+                self._ready.append(self._pool.submit(self._made, chosen, self._next))
+                self._next += 1
+            if not self._ready:
+                raise StopIteration
+            return self._ready.popleft().result()
+        finally:
+            self.waited_s += time.perf_counter() - began
+
+    def close(self) -> None:
+        """Ends the threads."""
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+    def _made(self, chosen: list[Array], update: int) -> list[Batch]:
+        return [self._maker.make(frames, update, number) for number, frames in enumerate(chosen)]

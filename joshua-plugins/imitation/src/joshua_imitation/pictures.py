@@ -1,0 +1,151 @@
+"""The pictures of a data set at the size that a policy sees: decoded once, or while they are read."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+from joshua_dataset.decoding import DatasetError, picture_at
+from joshua_dataset.reader import Dataset
+from joshua_training.run_folder import RunError
+
+from joshua_imitation.data import Array, Recording
+
+MB = 1 << 20
+
+
+class PictureStore:
+    """Pictures of some frames of one camera, by their number.
+
+    Args:
+        recording: whose; key: of the camera; size: (height, width) that a policy sees.
+        file: that keeps them decoded; None decodes each when it is asked for.
+    """
+
+    def __init__(self, recording: Recording, key: str, size: tuple[int, int], file: Path | None) -> None:
+        self._recording, self._key, self._size = recording, key, size
+        self._starts = np.unique(recording.first)
+        self._kept: Any = None
+        if file is not None:
+            self._kept = np.memmap(file, np.uint8, "w+", shape=(len(recording), *size, 3))
+
+    def fill(self, told: Callable[[int], bool]) -> bool:
+        """Decodes all; ``told`` hears of each episode and says whether to go on."""
+        recording, at = self._recording, 0
+        for episode in recording.episodes:
+            for picture in _decoded(recording.dataset, episode, self._key):
+                self._kept[at] = scaled(picture, self._size)
+                at += 1
+            if not told(episode.length):
+                return False
+        if at != len(recording):
+            raise RunError(
+                f"{recording.dataset.folder} has {len(recording)} frames and {at} pictures of {self._key}: "
+                f"run `joshua dataset check {recording.dataset.folder}`"
+            )
+        return True
+
+    def get(self, frames: Array) -> Array:
+        """Pictures, (…, H, W, 3) uint8. Raises RunError."""
+        if self._kept is not None:
+            return np.asarray(self._kept[frames])
+        flat = [self._one(int(frame)) for frame in frames.reshape(-1)]
+        return np.stack(flat).reshape(*frames.shape, *self._size, 3)
+
+    def _one(self, frame: int) -> Array:
+        number = int(np.searchsorted(self._starts, frame, side="right")) - 1
+        recording = self._recording
+        where = recording.episodes[number].pictures[self._key]
+        height, width, _ = recording.dataset.features[self._key].shape
+        try:
+            found = picture_at(where, frame - int(self._starts[number]), recording.dataset.fps, height, width)
+        except (DatasetError, av.FFmpegError, OSError) as error:
+            raise RunError(
+                f"{where.path}: {error}: run `joshua dataset check {recording.dataset.folder}`"
+            ) from error
+        return scaled(found, self._size)
+
+
+class Album:
+    """The pictures of all cameras of a recording.
+
+    Args:
+        recording: whose; size: (height, width), None as recorded; room_mb: for decoded ones.
+
+    Attributes:
+        sizes: by key; decoded: whether all are kept decoded.
+    """
+
+    def __init__(self, recording: Recording, size: tuple[int, int] | None, room_mb: int) -> None:
+        features = recording.dataset.features
+        self.sizes: dict[str, tuple[int, int]] = {
+            key: size or (features[key].shape[0], features[key].shape[1]) for key in recording.pictures
+        }
+        needed = sum(len(recording) * height * width * 3 for height, width in self.sizes.values())
+        self.needed_mb = -(-needed // MB)
+        self.decoded = self.needed_mb <= room_mb
+        self._folder: Path | None = None
+        if self.decoded:
+            self._folder = _room(needed)
+        elif recording.dataset.pictures != "video":
+            raise RunError(
+                f"the pictures take {self.needed_mb} MB decoded, and only those of videos can be decoded "
+                f"while they are read: set picture_cache_mb: {self.needed_mb}, or a smaller image_width"
+            )
+        self._stores = {
+            key: PictureStore(
+                recording, key, size, self._folder / f"{index}.raw" if self._folder is not None else None
+            )
+            for index, (key, size) in enumerate(self.sizes.items())
+        }
+        self.frames = len(recording) * len(self._stores)
+
+    def fill(self, told: Callable[[int], bool]) -> bool:
+        """Decodes all where there is room; False if it was asked to stop."""
+        return not self.decoded or all(store.fill(told) for store in self._stores.values())
+
+    def get(self, key: str, frames: Array) -> Array:
+        """Pictures of a camera, (…, H, W, 3) uint8."""
+        return self._stores[key].get(frames)
+
+    def close(self) -> None:
+        """Removes the decoded pictures."""
+        if self._folder is not None:
+            self._stores = {}
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def scaled(picture: Array, size: tuple[int, int]) -> Array:
+    """A picture in another size, each pixel the average of those that it covers."""
+    if picture.shape[:2] == size:
+        return picture
+    frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")
+    return np.asarray(
+        frame.reformat(width=size[1], height=size[0], interpolation="AREA").to_ndarray(format="rgb24")
+    )
+
+
+def _room(needed: int) -> Path:
+    place = Path(tempfile.gettempdir())
+    free = shutil.disk_usage(place).free
+    if free < needed + 64 * MB:
+        raise RunError(
+            f"the decoded pictures take {-(-needed // MB)} MB, and {place} has {free // MB} MB free: set "
+            "picture_cache_mb: 0 to decode while reading, a smaller image_width, or TMPDIR to another disk"
+        )
+    try:
+        return Path(tempfile.mkdtemp(prefix="joshua-pictures-"))
+    except OSError as error:
+        raise RunError(f"{place} cannot be written: {error.strerror}: set TMPDIR to another disk") from error
+
+
+def _decoded(dataset: Dataset, episode: Any, key: str) -> Iterator[Array]:
+    try:
+        yield from dataset.decoded(episode, key)
+    except DatasetError as error:
+        raise RunError(f"{error}: run `joshua dataset check {dataset.folder}`") from error

@@ -1,0 +1,328 @@
+"""LeRobot's policies for a data set: from the settings to a network, its optimiser and its processors."""
+
+from __future__ import annotations
+
+import copy
+import json
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from joshua_dataset.reader import Dataset
+from joshua_lerobot.checkpoint import DATASET, CheckpointError, read_checkpoint
+from joshua_lerobot.hub import fetch
+from joshua_training.run_folder import LibraryMissing, RunError
+
+from joshua_imitation.data import Windows
+from joshua_imitation.settings import ImitationSettings
+
+#: Mean and spread of the colours of ImageNet, by which its pretrained networks see.
+_IMAGENET = {"mean": (0.485, 0.456, 0.406), "std": (0.229, 0.224, 0.225)}
+
+_BACKBONE = "ResNet18_Weights.IMAGENET1K_V1"
+
+
+@dataclass
+class Parts:
+    """What is trained.
+
+    Attributes:
+        policy: LeRobot's, perhaps wrapped by adapters; before, after: its processors.
+        config: of the policy; optimiser, schedule: the latter None for a constant step size.
+        max_norm: of the gradient; windows: that it learns from; drop_last: frames at the end of episodes.
+        inner: folder of the language model's description, None without one.
+    """
+
+    policy: Any
+    before: Any
+    after: Any
+    config: Any
+    optimiser: torch.optim.Optimizer
+    schedule: Any
+    max_norm: float
+    windows: Windows
+    drop_last: int
+    inner: Path | None = None
+    adapters: bool = False
+
+
+def make_config(
+    settings: ImitationSettings, dataset: Dataset, sizes: Mapping[str, tuple[int, int]], device: str
+) -> tuple[Any, Path | None, Path | None]:
+    """The configuration of the policy, the folder of the checkpoint it starts from, and its language model's.
+
+    Raises:
+        RunError: the settings or the checkpoint do not fit the data set.
+    """
+    import draccus
+    from lerobot.configs.policies import PreTrainedConfig
+    from lerobot.configs.types import FeatureType
+    from lerobot.datasets.utils import dataset_to_policy_features
+
+    known = dataset_to_policy_features(
+        {
+            key: values
+            for key, values in dataset.info["features"].items()
+            if key.startswith(("observation.", "action"))
+        }
+    )
+    outputs = {key: feature for key, feature in known.items() if key == "action"}
+    inputs = {}
+    for key, feature in known.items():
+        if feature.type is FeatureType.VISUAL and key in sizes:
+            inputs[key] = type(feature)(feature.type, (3, *sizes[key]))
+        elif key in ("observation.state", "observation.environment_state"):
+            inputs[key] = type(feature)(feature.type, tuple(feature.shape))
+    outputs = {key: type(value)(value.type, tuple(value.shape)) for key, value in outputs.items()}
+    values: dict[str, Any] = {"type": settings.policy_type}
+    start: Path | None = None
+    inner: Path | None = None
+    if settings.pretrained:
+        start, values = _start(settings)
+        name = str(values.get("vlm_model_name") or "")
+        if name and (start / name / "config.json").is_file():
+            inner = start / name
+            values["vlm_model_name"] = str(inner)
+            values["load_vlm_weights"] = False
+    values |= _chosen(settings, values) | {"device": device, "push_to_hub": False, "use_amp": False}
+    for name in ("input_features", "output_features"):
+        values.pop(name, None)
+    try:
+        with draccus.config_type("json"):
+            config = draccus.decode(PreTrainedConfig, values)
+        config.input_features, config.output_features = inputs, outputs
+        config.validate_features()
+    except Exception as error:
+        said = str(error).strip().partition("\n")[0]
+        raise RunError(
+            f"{settings.policy_type} cannot learn from {dataset.folder} with these settings: {said}"
+        ) from error
+    return config, start, inner
+
+
+def _start(settings: ImitationSettings) -> tuple[Path, dict[str, Any]]:
+    """Folder and configuration of the checkpoint to start from."""
+    try:
+        folder = Path(settings.pretrained)
+        if not folder.is_dir():
+            folder = fetch(settings.pretrained)
+        found = read_checkpoint(folder)
+    except CheckpointError as error:
+        raise RunError(f"pretrained: {error}") from error
+    if found.type != settings.policy_type:
+        raise RunError(
+            f'{folder} holds a policy of type {found.type}: set policy_type: "{found.type}", or name another '
+            "checkpoint in pretrained"
+        )
+    return folder, dict(found.config)
+
+
+def _chosen(settings: ImitationSettings, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of the policy's configuration that the file decides."""
+    policy = settings.policy_type
+    chosen: dict[str, Any] = {"optimizer_lr": settings.learning_rate}
+    if settings.weight_decay is not None:
+        chosen["optimizer_weight_decay"] = settings.weight_decay
+    chunk = settings.chunk_size
+    if policy == "diffusion":
+        if (width := settings.hidden_size) is not None:
+            chosen["down_dims"] = [width, 2 * width, 4 * width]
+        if chunk is not None:
+            past = int(values.get("n_obs_steps", 2))
+            actions = settings.actions_per_chunk or max(1, chunk // 2)
+            chosen |= {"horizon": chunk, "n_action_steps": actions}
+            chosen["drop_n_last_frames"] = max(0, chunk - actions - past + 1)
+        elif settings.actions_per_chunk is not None:
+            chosen["n_action_steps"] = settings.actions_per_chunk
+    else:
+        if chunk is not None:
+            chosen |= {"chunk_size": chunk, "n_action_steps": chunk}
+        if settings.actions_per_chunk is not None:
+            chosen["n_action_steps"] = settings.actions_per_chunk
+    if policy in ("act", "diffusion") and not settings.pretrained:
+        chosen["pretrained_backbone_weights"] = _BACKBONE if settings.pretrained_backbone else None
+        if policy == "diffusion" and settings.pretrained_backbone:
+            chosen["use_group_norm"] = False  # the weights are those of a network with batch norm
+    if policy == "act":
+        chosen["optimizer_lr_backbone"] = settings.backbone_learning_rate or settings.learning_rate
+        own = {
+            "dim_model": settings.hidden_size,
+            "dim_feedforward": settings.feedforward_size,
+            "n_encoder_layers": settings.encoder_layers,
+        }
+        chosen |= {name: value for name, value in own.items() if value is not None}
+    return chosen
+
+
+def make_parts(
+    settings: ImitationSettings,
+    dataset: Dataset,
+    sizes: Mapping[str, tuple[int, int]],
+    device: str,
+    steps: Callable[[int], int],
+    continued: Path | None = None,
+) -> Parts:
+    """Makes everything that is trained.
+
+    Args:
+        sizes: (height, width) of pictures by key; steps: of the whole training, given how many frames
+            at the end of each episode are left out.
+        continued: folder of the policy of a run that goes on, whose weights are taken.
+
+    Raises:
+        RunError: settings, data set or checkpoint do not fit; LibraryMissing.
+    """
+    from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+
+    config, start, inner = make_config(settings, dataset, sizes, device)
+    weights = continued if continued is not None and not settings.lora_rank else start
+    try:
+        kind = get_policy_class(settings.policy_type)
+        policy = (
+            kind(config) if weights is None else kind.from_pretrained(weights, config=config, strict=True)
+        )
+    except ModuleNotFoundError as error:
+        raise LibraryMissing(
+            f"{settings.policy_type} requires {error.name}, which is not installed: install "
+            "joshua-lerobot[policies]"
+        ) from error
+    except (RuntimeError, ValueError, OSError, AssertionError) as error:
+        if is_out_of_memory(error):
+            raise
+        said = " ".join(str(error).split())[:300]
+        if weights is None:
+            raise RunError(f"{settings.policy_type} cannot be made with these settings: {said}") from error
+        raise RunError(
+            f"the weights of {weights} do not fit the data set {dataset.folder}, or the settings of the "
+            f"file: {said}: name a checkpoint that was trained on the same joints and cameras"
+        ) from error
+    if settings.lora_rank:
+        policy = _adapted(policy, settings, start)
+    policy.to(device)
+    if settings.loss == "l1" and settings.policy_type == "diffusion":
+        _learn_by_l1(policy)
+    before, after = make_pre_post_processors(config, dataset_stats=_statistics(settings, dataset, sizes))
+    preset = config.get_optimizer_preset()
+    base = policy.base_model.model if settings.lora_rank else policy
+    parameters: Any = (
+        [p for p in policy.parameters() if p.requires_grad] if settings.lora_rank else base.get_optim_params()
+    )
+    optimiser = preset.build(parameters)
+    shape = config.get_scheduler_preset()
+    drop_last = int(getattr(config, "drop_n_last_frames", 0))
+    schedule = shape.build(optimiser, max(1, steps(drop_last))) if shape is not None else None
+    indices = config.observation_delta_indices
+    return Parts(
+        policy=policy,
+        before=before,
+        after=after,
+        config=config,
+        optimiser=optimiser,
+        schedule=schedule,
+        max_norm=settings.max_grad_norm or float(preset.grad_clip_norm),
+        windows=Windows(tuple(indices or ()), tuple(config.action_delta_indices or ())),
+        drop_last=drop_last,
+        inner=inner,
+        adapters=bool(settings.lora_rank),
+    )
+
+
+def _statistics(
+    settings: ImitationSettings, dataset: Dataset, sizes: Mapping[str, tuple[int, int]]
+) -> dict[str, dict[str, Any]]:
+    wanted = {"action", "observation.state", "observation.environment_state", *sizes}
+    found = {
+        key: {name: torch.from_numpy(np.asarray(value, np.float32)) for name, value in values.items()}
+        for key, values in dataset.statistics().items()
+        if key in wanted
+    }
+    if settings.pretrained_backbone:
+        for key in sizes:
+            found.setdefault(key, {}).update(
+                {name: torch.tensor(value).reshape(3, 1, 1) for name, value in _IMAGENET.items()}
+            )
+    lacking = sorted((wanted & set(dataset.info["features"])) - set(found))
+    if lacking:
+        raise RunError(
+            f"{dataset.folder} has no statistics of {', '.join(lacking)}: run "
+            f"`joshua dataset stats {dataset.folder} --write`"
+        )
+    return found
+
+
+def _adapted(policy: Any, settings: ImitationSettings, start: Path | None) -> Any:
+    try:
+        import peft  # noqa: F401
+    except ImportError as error:
+        raise LibraryMissing(
+            f"lora_rank requires {error.name}, which is not installed: install joshua-imitation[lora], or "
+            "remove lora_rank"
+        ) from error
+    policy.config.pretrained_path = start
+    return policy.wrap_with_peft(peft_cli_overrides={"method_type": "LORA", "r": settings.lora_rank})
+
+
+def _learn_by_l1(policy: Any) -> None:
+    """Has diffusion measure its error by the absolute value: LeRobot's own function with the other loss."""
+    from types import FunctionType, SimpleNamespace
+
+    own = type(policy.diffusion).compute_loss
+    functional = SimpleNamespace(**vars(torch.nn.functional))
+    functional.mse_loss = torch.nn.functional.l1_loss
+    names = {**own.__globals__, "F": functional}
+    changed = FunctionType(own.__code__, names, own.__name__, own.__defaults__, own.__closure__)
+    policy.diffusion.compute_loss = changed.__get__(policy.diffusion)
+
+
+def save_policy(parts: Parts, dataset: Dataset, folder: Path) -> None:
+    """Writes the policy as LeRobot keeps it, with the description of its data set beside it."""
+    policy = parts.policy
+    if parts.adapters:  # merged, so that whoever loads it needs no adapters
+        policy = copy.deepcopy(policy).merge_and_unload()
+        policy.config.use_peft = False
+    folder.mkdir(parents=True, exist_ok=True)
+    for part in (policy, parts.before, parts.after):
+        part.save_pretrained(folder)
+    info = {
+        key: value
+        for key, value in dataset.info.items()
+        if key in ("features", "fps", "robot_type", "codebase_version")
+    }
+    (folder / DATASET).write_text(json.dumps(info, indent=2) + "\n", encoding="utf-8")
+    if parts.inner is not None:
+        shutil.copytree(parts.inner, folder / "vlm", dirs_exist_ok=True)
+        path = folder / "config.json"
+        written = json.loads(path.read_text(encoding="utf-8")) | {"vlm_model_name": "vlm"}
+        path.write_text(json.dumps(written, indent=4), encoding="utf-8")
+
+
+def is_out_of_memory(error: BaseException) -> bool:
+    """Whether an error says that memory does not suffice, on a processor or an accelerator."""
+    said = str(error)
+    return (
+        isinstance(error, (MemoryError, torch.OutOfMemoryError))
+        or "can't allocate memory" in said
+        or "out of memory" in said.lower()
+    )
+
+
+def without_memory(settings: ImitationSettings, device: str) -> RunError:
+    """What to change without enough memory: the setting that halves it."""
+    if settings.batch_size > 1:
+        half = settings.batch_size // 2
+        more = settings.accumulation_steps * -(-settings.batch_size // half)
+        remedy = (
+            f"set batch_size: {half} and accumulation_steps: {more}, which takes half and learns the same"
+        )
+    elif settings.precision == "float32" and device != "cpu":
+        remedy = 'set precision: "bfloat16", which takes about half'
+    else:
+        remedy = "halve image_width and image_height, which takes a quarter for pictures, or hidden_size"
+    return RunError(
+        f"the memory of {device} does not suffice for a batch of {settings.batch_size}: {remedy}, and "
+        "continue with resume_run"
+    )

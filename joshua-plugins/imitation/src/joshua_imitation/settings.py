@@ -1,0 +1,256 @@
+"""Settings of the trainer: the fields of ``imitation_config``, and what a policy fixes by itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from joshua.api import BlockContext, BlockSettings, FieldError, FieldErrors
+from pydantic import model_validator
+from typing_extensions import Self
+
+#: Losses that each policy can learn by, its own first.
+LOSSES: Mapping[str, tuple[str, ...]] = {"act": ("l1",), "diffusion": ("mse", "l1"), "smolvla": ("mse",)}
+
+#: Why a policy has its loss.
+_FIXED = {
+    "act": "ACT learns by the absolute error of its chunks (l1) and the divergence of its latent variable",
+    "smolvla": "SmolVLA learns by flow matching, whose loss is the squared error (mse)",
+}
+
+#: Fields that only some policies have.
+_ONLY = {
+    "hidden_size": ("act", "diffusion"),
+    "feedforward_size": ("act",),
+    "encoder_layers": ("act",),
+    "backbone_learning_rate": ("act",),
+    "pretrained_backbone": ("act", "diffusion"),
+    "lora_rank": ("smolvla",),
+}
+
+#: Fields whose omission the schema reports by itself.
+_REQUIRED = ("dataset_name", "num_epochs", "learning_rate", "batch_size")
+
+_PICTURES = "observation.images."
+
+#: How long a stop waits for the last checkpoint.
+SAVE_S = 60.0
+
+
+class ImitationSettings(BlockSettings):
+    """What the file says of a training; None where it leaves a choice to the policy.
+
+    Attributes:
+        dataset: folder of the data set, or its id on the hub.
+    """
+
+    environment: str = ""
+    dataset: str = ""
+    dataset_name: str = "-"
+    num_epochs: int = 1
+    learning_rate: float = 1e-5
+    batch_size: int = 8
+    loss_function: str = ""
+    policy_type: str = "act"
+    pretrained: str = ""
+    max_steps: int | None = None
+    chunk_size: int | None = None
+    actions_per_chunk: int | None = None
+    cameras: tuple[str, ...] = ()
+    image_width: int | None = None
+    image_height: int | None = None
+    validation_share: float = 0.1
+    validation_steps: int = 500
+    validation_batches: int = 50
+    colour_jitter: float = 0.0
+    shift_px: int = 0
+    accumulation_steps: int = 1
+    device: str = "auto"
+    precision: str = "float32"
+    threads: int = 0
+    workers: int = 2
+    seed: int = 0
+    output_folder: str = ""
+    checkpoint_steps: int = 1000
+    resume_run: str = ""
+    report_steps: int = 50
+    picture_cache_mb: int = 4096
+    hidden_size: int | None = None
+    feedforward_size: int | None = None
+    encoder_layers: int | None = None
+    pretrained_backbone: bool = False
+    backbone_learning_rate: float | None = None
+    weight_decay: float | None = None
+    max_grad_norm: float | None = None
+    lora_rank: int | None = None
+
+    @classmethod
+    def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
+        """Takes the fields of ``imitation_config``, and makes folders absolute."""
+        del node
+        block: Mapping[str, Any] = values["imitation_config"] or {}
+        known = {
+            name: value
+            for name, value in block.items()
+            if name in cls.model_fields and value is not None and not (name in _REQUIRED and not value)
+        }
+        folder = Path(context.folder)
+        known["output_folder"] = str(folder / (block.get("output_folder") or "runs"))
+        for name in ("resume_run", "pretrained"):
+            place = folder / Path(block.get(name) or "").expanduser()
+            if block.get(name) and (name == "resume_run" or place.exists()):
+                known[name] = str(place)
+        name = str(block.get("dataset_name") or "")
+        place = folder / Path(name).expanduser()
+        known["dataset"] = context.data_store.path or (str(place) if name and place.is_dir() else name)
+        return known | {"environment": values["environment"] or ""}
+
+    @property
+    def ready_timeout_s(self) -> float:
+        """Time to import PyTorch and LeRobot, and to fetch data set and checkpoint."""
+        return 3600.0
+
+    @property
+    def stop_timeout_s(self) -> float:
+        """Time to end an update and to write the last checkpoint."""
+        return SAVE_S + 10.0
+
+    @property
+    def loss(self) -> str:
+        """The loss that the policy learns by."""
+        return self.loss_function or LOSSES[self.policy_type][0]
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        found = [*self._policy_problems(), *self._dataset_problems()]
+        if self.environment == "ENV_REAL":
+            found.insert(
+                0,
+                FieldError(
+                    "environment",
+                    "Imitation learns from recorded episodes and moves no robot, so ENV_REAL has no effect",
+                    allowed=("ENV_SIMULATION",),
+                    remedy="write ENV_SIMULATION, and evaluate the checkpoint on the robot with METHOD_EVAL",
+                ),
+            )
+        if len(found) == 1:
+            raise found[0]
+        if found:
+            raise FieldErrors(found)
+        return self
+
+    def _policy_problems(self) -> Iterator[FieldError]:
+        policy = self.policy_type
+        if self.loss_function and self.loss_function not in LOSSES[policy]:
+            own = LOSSES[policy][0]
+            yield _error(
+                "loss_function",
+                f"The policy {policy} cannot learn by {self.loss_function}: {_FIXED[policy]}",
+                allowed=(f'"{own}"',),
+                remedy=f'write loss_function: "{own}", or remove it',
+            )
+        for name, policies in _ONLY.items():
+            value = getattr(self, name)
+            if policy not in policies and value is not None and value is not False:
+                yield _error(
+                    name,
+                    f"{name} has no effect with the policy {policy}: it belongs to {' and '.join(policies)}",
+                    remedy="remove it, or choose another policy_type",
+                )
+        if policy == "smolvla" and not self.pretrained:
+            yield _error(
+                "policy_type",
+                "SmolVLA is fine-tuned: it requires a checkpoint to start from",
+                remedy='add pretrained: "lerobot/smolvla_base", or the folder of a checkpoint',
+            )
+        if policy == "diffusion" and self.chunk_size is not None and self.chunk_size % 8:
+            near = max(8, 8 * round(self.chunk_size / 8))
+            yield _error(
+                "chunk_size",
+                f"The network of diffusion halves its chunk three times, so {self.chunk_size} does not fit",
+                allowed=(str(near),),
+                remedy=f"write chunk_size: {near}",
+            )
+        if self.hidden_size is not None and self.hidden_size % 8:
+            near = max(16, 8 * round(self.hidden_size / 8))
+            yield _error(
+                "hidden_size",
+                f"The layers of {policy} have 8 parts, so a width of {self.hidden_size} does not fit",
+                allowed=(str(near),),
+                remedy=f"write hidden_size: {near}",
+            )
+        if self.actions_per_chunk and self.chunk_size and self.actions_per_chunk > self.chunk_size:
+            yield _error(
+                "actions_per_chunk",
+                f"A chunk of {self.chunk_size} actions has no {self.actions_per_chunk} to execute",
+                remedy="make it smaller, or raise chunk_size",
+            )
+        if (self.image_width is None) != (self.image_height is None):
+            missing = "image_height" if self.image_height is None else "image_width"
+            other = "image_width" if missing == "image_height" else "image_height"
+            yield _error(
+                other,
+                f"{other} is there without {missing}, so the size of a picture is not known",
+                remedy=f"add {missing}, or remove {other}",
+            )
+        if self.precision == "float16" and self.device in ("cpu", "mps"):
+            yield _error(
+                "precision",
+                f"float16 requires cuda, and the device is {self.device}",
+                allowed=('"bfloat16"', '"float32"'),
+                remedy='write precision: "bfloat16" or "float32"',
+            )
+
+    def _dataset_problems(self) -> Iterator[FieldError]:
+        """Where the data set is on this machine: what its description lacks."""
+        if not (Path(self.dataset) / "meta").is_dir():
+            return  # the checks of the file say so, or it is fetched
+        path = Path(self.dataset) / "meta" / "info.json"
+        try:
+            info = json.loads(path.read_text(encoding="utf-8"))
+            features = dict(info["features"])
+            version = str(info["codebase_version"])
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            yield _error(
+                "dataset_name",
+                f"{path} does not describe a data set: {type(error).__name__}: {error}",
+                remedy=f"run `joshua dataset check {self.dataset}`",
+            )
+            return
+        if version != "v3.0" or info.get("joshua", {}).get("format", "lerobot") != "lerobot":
+            yield _error(
+                "dataset_name",
+                f"{self.dataset} has the layout {_layout(info, version)}, and training reads v3.0 of LeRobot",
+                remedy=f"run `joshua dataset convert {self.dataset} TARGET`, and name TARGET",
+            )
+            return
+        lacks = [key for key in ("action", "observation.state") if key not in features]
+        known = tuple(key.removeprefix(_PICTURES) for key in features if key.startswith(_PICTURES))
+        if not known and self.policy_type in ("act", "diffusion", "smolvla"):
+            lacks.append(f"{_PICTURES}NAME (a camera)")
+        if lacks:
+            yield _error(
+                "dataset_name",
+                f"{self.dataset} has no {' and no '.join(lacks)}, and {self.policy_type} learns from them; "
+                f"it has {', '.join(features)}",
+                remedy="record an arm and a camera, or name another data set",
+            )
+        for camera in self.cameras:
+            if camera not in known:
+                yield _error(
+                    "cameras",
+                    f"{self.dataset} has no pictures of a camera {camera!r}",
+                    allowed=tuple(f'"{name}"' for name in known),
+                    remedy="name cameras of the data set",
+                )
+
+
+def _layout(info: Mapping[str, Any], version: str) -> str:
+    kind = info.get("joshua", {}).get("format", "lerobot")
+    return f"{version} of LeRobot" if kind == "lerobot" else str(kind)
+
+
+def _error(field: str, message: str, *, allowed: tuple[str, ...] = (), remedy: str = "") -> FieldError:
+    return FieldError(f"imitation_config.{field}", message, allowed=allowed, remedy=remedy)

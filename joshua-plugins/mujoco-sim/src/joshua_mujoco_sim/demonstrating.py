@@ -1,0 +1,123 @@
+"""A scripted demonstrator as a leader of a run: it shows a task whose scene it knows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Annotated, Any
+
+import mujoco
+import numpy as np
+from joshua.api import RefusedError, verb
+from pydantic import Field
+
+from joshua_mujoco_sim.envs.experts import EXPERTS
+from joshua_mujoco_sim.envs.state import FloatArray, IntArray, SingleState
+from joshua_mujoco_sim.envs.tasks import TASKS
+from joshua_mujoco_sim.envs.terms import Evaluator
+from joshua_mujoco_sim.physics import Physics
+from joshua_mujoco_sim.world import World
+
+#: Simulated time in which the follower comes to rest at the start of a scene.
+SETTLE_S = 0.6
+
+_ONLY = np.zeros(1, np.int64)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Which scene: the same seed gives the same one."""
+
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a demonstration is: resting, settling, ready, showing, succeeded or failed."""
+
+    phase: str
+    steps: int
+
+
+class _LiveState(SingleState):
+    """The state of a world that others step: its time goes on when the scene starts anew."""
+
+    def __init__(self, world: World, action_size: int) -> None:
+        super().__init__(world.physics.model, action_size, data=world.physics.data)
+
+    def reset(self, ids: IntArray, keyframe: int) -> None:
+        """Puts the scene to a keyframe."""
+        time_s = self.data.time
+        super().reset(ids, keyframe)
+        self.data.time = time_s
+
+
+class Demonstrator:
+    """Plays the scripted demonstrator of a task in a running world, episode by episode.
+
+    Args:
+        world: that runs the task's model; task: id of the environment; noise_rad: of the goals.
+    """
+
+    def __init__(self, world: World, task: str, noise_rad: float) -> None:
+        self._world, self._task = world, TASKS[task]()
+        self._state = _LiveState(world, self._task.action_size)
+        self._task.prepare(self._state)
+        self._evaluator = Evaluator(self._task, self._state, "absolute")
+        stage: Any = SimpleNamespace(state=self._state, features=self._evaluator.features)
+        self._expert = EXPERTS[task](stage, noise_rad=noise_rad, seed=0)
+        self._period_s = self._task.frame_skip * world.physics.timestep_s
+        self._phase, self._steps, self._next_s, self._seed = "resting", 0, 0.0, 0
+        self._goal: FloatArray = np.array(self._state.ctrl[0])
+
+    @property
+    def goal(self) -> FloatArray:
+        """Where the demonstrator wants the joints, rad."""
+        return self._goal
+
+    @verb(moves=True)
+    def set_scene(self, scene: Scene) -> str:
+        """Start a scene anew, and hold the arm until a demonstration begins."""
+        with self._world.lock:
+            self._seed = scene.seed
+            self._start_scene()
+            self._phase, self._next_s = "settling", self._state.data.time + SETTLE_S
+        return f"scene {scene.seed}"
+
+    @verb(moves=True)
+    def show(self) -> str:
+        """Begin to demonstrate the task in the scene."""
+        with self._world.lock:
+            if self._phase != "ready":
+                raise RefusedError(f"the demonstrator is {self._phase}: set a scene, and wait for ready")
+            self._expert.reset()
+            self._phase, self._steps, self._next_s = "showing", 0, self._state.data.time
+        return "showing"
+
+    @verb(moves=False)
+    def progress(self) -> Progress:
+        """Tell how far the demonstration is."""
+        return Progress(self._phase, self._steps)
+
+    def advance(self, physics: Physics) -> None:
+        """Follows the simulated time (before each step, under the lock)."""
+        if physics.time_s < self._next_s - 1e-9:
+            return
+        if self._phase == "settling":
+            self._start_scene()  # the follower holds its goal by now, and starts from where the scene starts
+            self._phase = "ready"
+        elif self._phase == "showing":
+            mujoco.mj_forward(physics.model, physics.data)
+            self._state.step_cache.clear()
+            ended, success, _ = self._evaluator.terminated()
+            if ended[0] or self._steps >= self._task.max_steps:
+                self._phase = "succeeded" if success[0] else "failed"
+                return
+            self._goal = np.asarray(self._expert.act(), np.float64)
+            self._steps += 1
+            self._state.elapsed_steps += 1
+            self._next_s += self._period_s
+
+    def _start_scene(self) -> None:
+        self._evaluator.reset(_ONLY, (np.random.default_rng(self._seed),))
+        self._goal = np.array(self._state.ctrl[0])

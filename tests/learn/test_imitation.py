@@ -1,0 +1,455 @@
+"""Imitation: LeRobot's policies learn from recordings, stop, go on bit for bit, and say what is wrong."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import lerobot_here
+import numpy as np
+import pytest
+import tiny_policies
+import torch
+from joshua.testing.domain import reserved_domain
+from joshua_dataset.reader import Dataset
+from joshua_imitation.build import build
+from joshua_imitation.data import Recording, Windows
+from joshua_imitation.learner import POLICY, STATE, TRAINING, DivergedError, Learner
+from joshua_imitation.loader import Maker
+from joshua_imitation.pictures import Album
+from joshua_imitation.policies import is_out_of_memory, without_memory
+from joshua_imitation.settings import ImitationSettings
+from joshua_lerobot.checkpoint import read_checkpoint
+from joshua_training.run_folder import RunError, RunFolder
+from safetensors.torch import load_file
+from tiny_recordings import FPS, JOINTS, write_recording
+
+STARTUP = Path(__file__).parent / "startup"
+SMALL: dict[str, Any] = {
+    "num_epochs": 3,
+    "batch_size": 6,
+    "learning_rate": 1e-3,
+    "chunk_size": 8,
+    "hidden_size": 32,
+    "feedforward_size": 32,
+    "encoder_layers": 1,
+    "report_steps": 2,
+    "validation_steps": 3,
+    "workers": 1,
+    "device": "cpu",
+}
+DIFFUSION: dict[str, Any] = {"hidden_size": 16, "feedforward_size": None, "encoder_layers": None}
+
+torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="session")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_recording(tmp_path_factory.mktemp("recording") / "set")
+
+
+@pytest.fixture
+def learner(recording: Path, tmp_path: Path) -> Iterator[Callable[..., Learner]]:
+    """Makes learners, each with a run of its own."""
+    made = []
+
+    def make(continued: Path | None = None, **fields: Any) -> Learner:
+        built = build(settings(recording, **fields), continued)
+        made.append(built)
+        built.album.fill(lambda count: True)
+        found = built.learner(RunFolder.create(tmp_path, "run", {}))
+        if continued is not None:
+            found.restore(continued)
+        return found
+
+    yield make
+    for built in made:
+        built.album.close()
+
+
+def settings(recording: Path, **fields: Any) -> ImitationSettings:
+    return ImitationSettings(dataset=str(recording), **{**SMALL, **fields})
+
+
+def rows(made: Learner, last: int = 10**9) -> list[dict[str, float]]:
+    found = []
+    while made.steps < min(last, made.total):
+        row = made.update()
+        if row is not None:
+            found.append({key: value for key, value in row.items() if not key.startswith("rate/")})
+    made.close()
+    return found
+
+
+def weights(made: Learner) -> dict[str, Any]:
+    return {key: value.clone() for key, value in made.parts.policy.state_dict().items()}
+
+
+def differ(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    return one.keys() != other.keys() or any(not torch.equal(one[key], other[key]) for key in one)
+
+
+@pytest.mark.parametrize("windows", [Windows((), tuple(range(5))), Windows((-1, 0), (-1, 0, 1, 2))])
+@pytest.mark.parametrize("room_mb", [100, 0], ids=["decoded", "while reading"])
+def test_batches_are_those_of_lerobots_data_sets(recording: Path, windows: Windows, room_mb: int) -> None:
+    around = {"action": [step / FPS for step in windows.done]}
+    if windows.seen:
+        for key in ("observation.state", "observation.images.top", "observation.images.wrist"):
+            around[key] = [step / FPS for step in windows.seen]
+    theirs = lerobot_here.lerobot_dataset()("me/set", root=recording, delta_timestamps=around)
+    read = Recording(Dataset.read(recording))
+    album = Album(read, None, room_mb)
+    assert album.decoded == bool(room_mb)
+    album.fill(lambda count: True)
+    frames = np.array([0, 11, 12, 20, 25, 31])
+    batch = Maker(read, album, windows).make(frames)
+    for at, frame in enumerate(frames):
+        item = theirs[int(frame)]
+        assert batch["task"][at] == item["task"]
+        for key in ("action", "observation.state", "action_is_pad"):
+            assert torch.equal(batch[key][at], item[key]), key
+        for key in read.pictures:
+            assert batch[key][at].shape == item[key].shape
+            assert (batch[key][at] - item[key]).abs().max() <= 1.01 / 255
+    album.close()
+
+
+CHANGES: list[dict[str, Any]] = [
+    {"learning_rate": 1e-4},
+    {"batch_size": 5},
+    {"seed": 2},
+    {"chunk_size": 4},
+    {"cameras": ("top",)},
+    {"image_width": 32, "image_height": 32},
+    {"validation_share": 0.5},
+    {"colour_jitter": 0.3},
+    {"shift_px": 3},
+    {"accumulation_steps": 2},
+    {"precision": "bfloat16"},
+    {"hidden_size": 48},
+    {"feedforward_size": 48},
+    {"encoder_layers": 2},
+    {"backbone_learning_rate": 1e-5},
+    {"weight_decay": 0.5},
+    {"max_grad_norm": 0.001},
+]
+
+
+def test_every_setting_takes_effect(learner: Callable[..., Learner]) -> None:
+    def learned(**fields: Any) -> dict[str, Any]:
+        made = learner(**fields)
+        rows(made, 2)
+        return weights(made)
+
+    base = learned()
+    assert not differ(base, learned())
+    assert not differ(base, learned(workers=0))
+    assert not differ(base, learned(picture_cache_mb=0, workers=3))
+    for changed in CHANGES:
+        assert differ(base, learned(**changed)), changed
+    assert learner(num_epochs=5).total == 20  # 20 frames of two episodes, 6 at a time
+    assert learner(max_steps=7, num_epochs=5).total == 7
+    assert learner(actions_per_chunk=3).parts.config.n_action_steps == 3
+
+
+def test_accumulated_batches_learn_as_a_large_one(
+    learner: Callable[..., Learner], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noise, times = torch.randn(64, 8, len(JOINTS)), torch.randint(0, 100, (64,))
+
+    def gradient(**fields: Any) -> float:
+        made = learner(
+            policy_type="diffusion",
+            **DIFFUSION,
+            cameras=("top",),
+            report_steps=1,
+            validation_share=0.0,
+            **fields,
+        )
+        taken = {"noise": 0, "times": 0}
+
+        def next_of(name: str, values: Any, count: int) -> Any:
+            taken[name] += count
+            return values[taken[name] - count : taken[name]]
+
+        # the samples of both get the same noise
+        monkeypatch.setattr(torch, "randn", lambda shape, **more: next_of("noise", noise, shape[0]))
+        monkeypatch.setattr(torch, "randint", lambda size, **more: next_of("times", times, size[0]))
+        row = made.update()
+        monkeypatch.undo()
+        made.close()
+        assert row is not None
+        return row["optimiser/gradient_norm"]
+
+    parts = gradient(batch_size=4, accumulation_steps=2)
+    assert parts == pytest.approx(gradient(batch_size=8), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"colour_jitter": 0.2, "shift_px": 2, "accumulation_steps": 2, "num_epochs": 4},
+        {"policy_type": "diffusion", **DIFFUSION, "cameras": ("top",), "max_steps": 6},
+    ],
+    ids=["act", "diffusion"],
+)
+def test_a_continued_training_is_the_same_bit_for_bit(
+    learner: Callable[..., Learner], fields: dict[str, Any]
+) -> None:
+    whole = learner(**fields)
+    expected = rows(whole)
+    final = whole.save()
+    first = learner(**fields)
+    begun = rows(first, 5)  # within a window of metrics, and within an epoch
+    kept = first.save()
+    second = learner(kept, **fields)
+    assert second.steps == 5
+    assert begun + rows(second) == expected
+    other = second.save()
+    for name in (f"{POLICY}/model.safetensors", TRAINING, STATE):
+        assert (final / name).read_bytes() == (other / name).read_bytes(), name
+
+
+def test_diffusion_learns_by_either_loss(learner: Callable[..., Learner]) -> None:
+    found = {}
+    for loss in ("", "mse", "l1"):
+        made = learner(
+            policy_type="diffusion", loss_function=loss, cameras=("top",), report_steps=1, **DIFFUSION
+        )
+        found[loss] = rows(made, 1)[-1]["loss/train"]
+    assert found[""] == found["mse"]
+    assert found["l1"] != found["mse"]
+
+
+def test_checkpoints_are_lerobots(learner: Callable[..., Learner], recording: Path) -> None:
+    from lerobot.policies.act.modeling_act import ACTPolicy
+    from lerobot.policies.factory import make_pre_post_processors
+
+    made = learner()
+    rows(made, 2)
+    folder = made.save() / POLICY
+    policy = ACTPolicy.from_pretrained(folder)
+    assert not differ(policy.state_dict(), weights(made))
+    before, after = make_pre_post_processors(policy.config, str(folder))
+    item = lerobot_here.lerobot_dataset()("me/set", root=recording)[3]
+    seen = {key: value for key, value in item.items() if key.startswith("observation.")}
+    policy.eval()
+    chunk = after(policy.predict_action_chunk(before({**seen, "task": ""})))
+    assert chunk.shape[-2:] == (8, len(JOINTS))
+    found = read_checkpoint(folder)
+    assert (found.type, found.fps) == ("act", FPS)
+    assert found.described("action") == (JOINTS, "rad")
+    assert {path.suffix for path in folder.parent.rglob("*") if path.is_file()} == {".json", ".safetensors"}
+
+
+def test_smolvla_is_fine_tuned_from_a_checkpoint(learner: Callable[..., Learner], tmp_path: Path) -> None:
+    tiny_policies.make_smolvla(tmp_path / "base")
+    fields: dict[str, Any] = {**DIFFUSION, "hidden_size": None, "chunk_size": None, "policy_type": "smolvla"}
+    fields["pretrained"] = str(tmp_path / "base")
+    made = learner(**fields)
+    start = weights(made)
+    rows(made, 3)
+    moved = [key for key, value in weights(made).items() if not torch.equal(value, start[key])]
+    assert any("lm_expert" in key for key in moved)
+    assert not any("vision_model" in key for key in moved)
+    kept = made.save()
+    shutil.rmtree(tmp_path / "base")  # the checkpoint stands by itself
+    assert read_checkpoint(kept / POLICY).config["vlm_model_name"] == "vlm"
+    assert json.loads((kept / POLICY / "config.json").read_text())["type"] == "smolvla"
+
+
+def test_a_checkpoint_of_other_features_is_refused(
+    learner: Callable[..., Learner], recording: Path, tmp_path: Path
+) -> None:
+    made = learner()
+    rows(made, 1)
+    start = made.save() / POLICY
+    other = write_recording(tmp_path / "other", joints=JOINTS[:5])
+    with pytest.raises(RunError, match=r"the weights of .* do not fit the data set .*other"):
+        build(settings(other, pretrained=str(start)))
+    with pytest.raises(RunError, match='holds a policy of type act: set policy_type: "act"'):
+        build(settings(recording, pretrained=str(start), policy_type="diffusion", **DIFFUSION))
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RunError, match=r"pretrained: .*empty has no config.json"):
+        build(settings(recording, pretrained=str(tmp_path / "empty")))
+
+
+@pytest.mark.parametrize("name", [f"{POLICY}/model.safetensors", TRAINING, STATE])
+@pytest.mark.parametrize("how", ["torn", "missing"])
+def test_a_torn_checkpoint_says_so(learner: Callable[..., Learner], name: str, how: str) -> None:
+    made = learner()
+    rows(made, 1)
+    kept = made.save()
+    content = (kept / name).read_bytes()
+    (kept / name).write_bytes(content[: len(content) // 2]) if how == "torn" else (kept / name).unlink()
+    with pytest.raises(RunError, match=r"cannot be used: .*: remove it, and an older one is taken"):
+        learner(kept)
+
+
+def test_a_loss_that_is_no_number_stops_and_keeps_its_batch(
+    learner: Callable[..., Learner], tmp_path: Path
+) -> None:
+    made = learner()
+    rows(made, 1)
+    with torch.no_grad():
+        next(iter(made.parts.policy.parameters())).fill_(math.nan)
+    made._loader = None
+    with pytest.raises(DivergedError, match=r"loss is not a number at update 2; its batch is in .*: lower"):
+        made.update()
+    made.close()
+    (path,) = tmp_path.glob("run-*/failed_batch_2.safetensors")
+    assert load_file(path)["action"].shape == (6, 8, len(JOINTS))
+    assert made.steps == 1
+
+
+def test_values_of_the_data_set_that_are_no_numbers_are_named(
+    learner: Callable[..., Learner], tmp_path: Path
+) -> None:
+    made = learner(batch_size=20)
+    made._recording.numbers["action"][:] = math.nan
+    with pytest.raises(DivergedError, match="action of the data set has values that are no numbers: run"):
+        made.update()
+    made.close()
+
+
+def test_a_full_disk_leaves_the_checkpoints_before(
+    learner: Callable[..., Learner], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = learner()
+    rows(made, 1)
+    first = made.save()
+
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    made.steps += 1
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(RunError, match="cannot be written: No space left on device: make room, and continue"):
+        made.save()
+    monkeypatch.undo()
+    assert [path.name for path in first.parent.iterdir()] == [first.name]
+
+
+def test_without_memory_the_setting_that_halves_it_is_named(recording: Path) -> None:
+    with pytest.raises((RuntimeError, MemoryError)) as caught:
+        torch.empty(1 << 50)
+    assert is_out_of_memory(caught.value)
+    assert not is_out_of_memory(ValueError("shapes"))
+    said = str(without_memory(settings(recording, batch_size=8), "cpu"))
+    assert "for a batch of 8: set batch_size: 4 and accumulation_steps: 2, which takes half" in said
+    said = str(without_memory(settings(recording, batch_size=1), "cuda"))
+    assert 'set precision: "bfloat16"' in said
+    assert "image_width" in str(without_memory(settings(recording, batch_size=1), "cpu"))
+
+
+def test_a_data_set_that_cannot_be_used_is_named(recording: Path, tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="is no folder here, and LeRobot cannot load it from the hub"):
+        build(settings(Path("acme/nothing")))
+    short = write_recording(tmp_path / "short", lengths=(3,))
+    with pytest.raises(RunError, match="too short for a chunk of this policy"):
+        build(settings(short, policy_type="diffusion", **DIFFUSION))
+    with pytest.raises(RunError, match=r'device: "cuda" is not there; PyTorch .* finds cpu'):
+        build(settings(recording, device="cuda"))
+    copy = tmp_path / "copy"
+    shutil.copytree(recording, copy)
+    stats = json.loads((copy / "meta" / "stats.json").read_text())
+    del stats["action"]
+    (copy / "meta" / "stats.json").write_text(json.dumps(stats))
+    with pytest.raises(RunError, match=r"has no statistics of action: run `joshua dataset stats .* --write`"):
+        build(settings(copy))
+
+
+TRAIN = """
+general {{ mode: MODE_TRAINING name: "train" id: "train-{name}" }}
+ai {{
+  data_store {{
+    format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL dataset_name: "demos" local_path: "{dataset}"
+  }}
+  training {{
+    environment: ENV_SIMULATION method: METHOD_IMITATION
+    imitation_config {{
+      dataset_name: "demos" num_epochs: 8 learning_rate: 0.001 batch_size: 4 chunk_size: 8
+      hidden_size: 32 feedforward_size: 32 encoder_layers: 1 report_steps: 1 validation_steps: 4
+      checkpoint_steps: 4 threads: 1 device: "cpu" output_folder: "{name}" {more}
+    }}
+  }}
+}}
+"""
+
+
+def start(
+    folder: Path, name: str, dataset: Path, *, epochs: int = 8, more: str = ""
+) -> subprocess.Popen[str]:
+    path = folder / f"{name}{len(more)}.pbtxt"
+    path.write_text(TRAIN.format(name=name, dataset=dataset, more=more))
+    with reserved_domain() as domain:
+        return subprocess.Popen(
+            [sys.executable, "-m", "joshua.cli.main", "--config", str(path)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+            env={
+                **os.environ,
+                "PYTHONPATH": f"{STARTUP}{os.pathsep}{os.environ.get('PYTHONPATH', '')}",
+                "ROS_DOMAIN_ID": str(domain),
+            },
+        )
+
+
+def ended(run: subprocess.Popen[str], code: int = 0) -> str:
+    said, _ = run.communicate(timeout=250)
+    assert run.returncode == code, said
+    assert "Traceback" not in said
+    return said
+
+
+def until(folder: Path, checkpoints: int) -> None:
+    deadline = time.monotonic() + 200
+    while time.monotonic() < deadline and len(list(folder.glob("*/checkpoints/step_*"))) < checkpoints:
+        time.sleep(0.02)
+
+
+def curve(run: Path) -> list[dict[str, float]]:
+    found = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
+    return [{key: value for key, value in row.items() if not key.startswith("rate/")} for row in found]
+
+
+def test_a_stopped_and_a_killed_run_go_on_as_if_nothing_had_happened(recording: Path, tmp_path: Path) -> None:
+    said = ended(start(tmp_path, "whole", recording))
+    assert "40 updates learned: loss" in said
+    run = start(tmp_path, "broken", recording)
+    until(tmp_path / "broken", 1)
+    os.killpg(run.pid, signal.SIGINT)
+    said = ended(run)
+    (folder,) = (tmp_path / "broken").iterdir()
+    assert f"checkpoint {folder}" in said.replace("\n", "")
+    more = f'resume_run: "broken/{folder.name}"'
+    run = start(tmp_path, "broken", recording, more=more)
+    until(tmp_path / "broken", 3)
+    os.killpg(run.pid, signal.SIGKILL)
+    run.communicate()
+    said = ended(start(tmp_path, "broken", recording, more=more))
+    assert "continuing after" in said
+    (other,) = (tmp_path / "whole").iterdir()
+    assert curve(folder) == curve(other)
+    assert [path.name for path in (tmp_path / "broken").iterdir()] == [folder.name]
+    last = [max((path / "checkpoints").iterdir()) for path in (folder, other)]
+    for name in (f"{POLICY}/model.safetensors", TRAINING, STATE):
+        assert (last[0] / name).read_bytes() == (last[1] / name).read_bytes(), name
+    assert (folder / "curves.svg").is_file()
+    assert list((folder / "tensorboard").glob("*tfevents*"))
+    facts = json.loads((folder / "run.json").read_text())
+    assert (facts["policy"], facts["settings"]["batch_size"]) == ("act", 4)
+    assert {"joshua-imitation", "lerobot", "torch"} <= set(facts["versions"])
+    changed = start(tmp_path, "broken", recording, more=f"{more} seed: 5")
+    assert "the run was started with seed 0, and the file says 5" in ended(changed, 1).replace("\n", " ")

@@ -1,0 +1,161 @@
+"""What a validation says of imitation learning; nothing heavy is imported for it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from joshua.planner.pipeline import examine
+from joshua.planner.request import Purpose, Request
+from joshua.plugins.block_context import BlockContext, DataStoreContext
+from joshua.schema import config_pb2 as pb
+from joshua_imitation.settings import ImitationSettings
+
+JOINTS = {"dtype": "float32", "shape": [6], "names": list("abcdef")}
+PICTURE = {"dtype": "video", "shape": [48, 64, 3], "names": ["height", "width", "channels"]}
+FEATURES = {"observation.state": JOINTS, "action": JOINTS, "observation.images.top": PICTURE}
+
+
+def described(folder: Path, **changes: Any) -> Path:
+    """A folder with the description of a data set."""
+    (folder / "demos" / "meta").mkdir(parents=True, exist_ok=True)
+    info = {"codebase_version": "v3.0", "fps": 25, "features": FEATURES, **changes}
+    (folder / "demos" / "meta" / "info.json").write_text(json.dumps(info))
+    return folder / "demos"
+
+
+def errors(folder: Path, fields: str = "", environment: str = "ENV_SIMULATION") -> list[Any]:
+    """What a validation finds."""
+    described(folder) if not (folder / "demos").exists() else None
+    path = folder / "train.pbtxt"
+    path.write_text(f"""
+general {{ mode: MODE_TRAINING name: "train" id: "train-imitation-test" }}
+ai {{
+  training {{
+    environment: {environment}
+    method: METHOD_IMITATION
+    imitation_config {{
+      dataset_name: "demos" num_epochs: 2 learning_rate: 0.001 batch_size: 4
+      {fields}
+    }}
+  }}
+}}
+""")
+    return list(examine(Request(str(path), purpose=Purpose.VALIDATE)).errors)
+
+
+def test_a_training_is_valid_without_anything_heavy(tmp_path: Path) -> None:
+    assert errors(tmp_path) == []
+    code = f"""
+import sys
+from joshua.planner.pipeline import examine
+from joshua.planner.request import Purpose, Request
+assert not examine(Request({str(tmp_path / "train.pbtxt")!r}, purpose=Purpose.VALIDATE)).errors
+print(sorted({{"torch", "lerobot", "numpy", "pyarrow", "av", "safetensors"}} & set(sys.modules)))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("policy", "loss", "own", "why"),
+    [
+        ("act", "mse", "l1", "ACT learns by the absolute error of its chunks"),
+        ("smolvla", "l1", "mse", "SmolVLA learns by flow matching"),
+    ],
+)
+def test_a_loss_that_a_policy_does_not_have_is_refused_at_its_line(
+    tmp_path: Path, policy: str, loss: str, own: str, why: str
+) -> None:
+    start = 'pretrained: "lerobot/smolvla_base"' if policy == "smolvla" else ""
+    (error,) = errors(tmp_path, f'policy_type: "{policy}" {start} loss_function: "{loss}"')
+    assert error.field_path == "ai.training.imitation_config.loss_function"
+    assert error.position.line == 9
+    assert error.message.startswith(f"The policy {policy} cannot learn by {loss}: {why}")
+    assert error.allowed == (f'"{own}"',)
+    assert error.remedy == f'Write loss_function: "{own}", or remove it.'
+
+
+@pytest.mark.parametrize(
+    ("fields", "at", "said"),
+    [
+        ('policy_type: "diffusion" encoder_layers: 2', "encoder_layers", "it belongs to act"),
+        ("hidden_size: 100", "hidden_size", "so a width of 100 does not fit"),
+        ("lora_rank: 8", "lora_rank", "no effect with the policy act: it belongs to smolvla"),
+        ('policy_type: "smolvla"', "policy_type", "it requires a checkpoint to start from"),
+        ('policy_type: "diffusion" chunk_size: 12', "chunk_size", "so 12 does not fit"),
+        ("chunk_size: 8 actions_per_chunk: 9", "actions_per_chunk", "A chunk of 8 actions has no 9"),
+        ("image_width: 64", "image_width", "image_width is there without image_height"),
+        ('device: "cpu" precision: "float16"', "precision", "float16 requires cuda"),
+        ('cameras: ["tpo"]', "cameras", "has no pictures of a camera 'tpo'"),
+    ],
+)
+def test_what_does_not_fit_together_is_named(tmp_path: Path, fields: str, at: str, said: str) -> None:
+    (error,) = errors(tmp_path, fields)
+    assert error.field_path == f"ai.training.imitation_config.{at}"
+    assert said in error.message
+    assert error.remedy
+
+
+def test_a_robot_is_not_trained_on_with_the_reason(tmp_path: Path) -> None:
+    found = errors(tmp_path, environment="ENV_REAL")
+    (error,) = (item for item in found if item.field_path == "ai.training.environment")
+    assert error.message.startswith("Imitation learns from recorded episodes and moves no robot")
+    assert error.allowed == ("ENV_SIMULATION",)
+    assert "METHOD_EVAL" in error.remedy
+
+
+def test_several_problems_are_told_at_once(tmp_path: Path) -> None:
+    found = errors(tmp_path, 'loss_function: "mse" lora_rank: 8')
+    assert len(found) == 2
+
+
+def test_a_data_set_of_something_else_is_refused(tmp_path: Path) -> None:
+    described(tmp_path, features={"observation.state": JOINTS})
+    (error,) = errors(tmp_path)
+    assert error.field_path == "ai.training.imitation_config.dataset_name"
+    assert "has no action and no observation.images.NAME (a camera)" in error.message
+    assert "it has observation.state" in error.message
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"codebase_version": "v2.1"}, "has the layout v2.1 of LeRobot"),
+        ({"joshua": {"format": "csv"}}, "has the layout csv"),
+    ],
+)
+def test_another_layout_is_converted_first(tmp_path: Path, changes: dict[str, Any], said: str) -> None:
+    described(tmp_path, **changes)
+    (error,) = errors(tmp_path)
+    assert said in error.message
+    assert "joshua dataset convert" in error.remedy
+
+
+def test_a_torn_description_is_named(tmp_path: Path) -> None:
+    described(tmp_path)
+    (tmp_path / "demos" / "meta" / "info.json").write_text('{"features": ')
+    (error,) = errors(tmp_path)
+    assert "info.json does not describe a data set: JSONDecodeError" in error.message
+    assert "joshua dataset check" in error.remedy
+
+
+def test_folders_are_relative_to_the_file_and_the_store_says_where_the_data_is(tmp_path: Path) -> None:
+    block = pb.Training(
+        environment=pb.ENV_SIMULATION,
+        imitation_config=pb.ImitationConfig(dataset_name="demos", resume_run="runs/a"),
+    )
+    context = BlockContext(folder=str(tmp_path))
+    made = ImitationSettings.from_block(block, context=context)
+    assert (made.output_folder, made.resume_run) == (str(tmp_path / "runs"), str(tmp_path / "runs/a"))
+    assert made.dataset == "demos"
+    described(tmp_path)
+    assert ImitationSettings.from_block(block, context=context).dataset == str(tmp_path / "demos")
+    stored = BlockContext(folder=str(tmp_path), data_store=DataStoreContext(path="/data/demos"))
+    assert ImitationSettings.from_block(block, context=stored).dataset == "/data/demos"
+    assert made.loss == "l1"
+    assert (made.validation_share, made.workers, made.batch_size) == (0.1, 2, 8)
