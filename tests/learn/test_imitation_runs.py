@@ -1,0 +1,104 @@
+"""Whole runs of imitation: stopped, killed and continued, they learn as if nothing had happened."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from joshua.testing.domain import reserved_domain
+from tiny_recordings import write_recording
+
+STARTUP = Path(__file__).parent / "startup"
+POLICY, TRAINING, STATE = "pretrained_model", "training.safetensors", "state.json"
+
+TRAIN = """
+general {{ mode: MODE_TRAINING name: "train" id: "train-{name}" }}
+ai {{
+  data_store {{
+    format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL dataset_name: "demos" local_path: "{dataset}"
+  }}
+  training {{
+    environment: ENV_SIMULATION method: METHOD_IMITATION
+    imitation_config {{
+      dataset_name: "demos" num_epochs: 8 learning_rate: 0.001 batch_size: 4 chunk_size: 8
+      hidden_size: 32 feedforward_size: 32 encoder_layers: 1 report_steps: 1 validation_steps: 4
+      checkpoint_steps: 4 threads: 1 device: "cpu" output_folder: "{name}" {more}
+    }}
+  }}
+}}
+"""
+
+
+def start(
+    folder: Path, name: str, dataset: Path, *, epochs: int = 8, more: str = ""
+) -> subprocess.Popen[str]:
+    path = folder / f"{name}{len(more)}.pbtxt"
+    path.write_text(TRAIN.format(name=name, dataset=dataset, more=more))
+    with reserved_domain() as domain:
+        return subprocess.Popen(
+            [sys.executable, "-m", "joshua.cli.main", "--config", str(path)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+            env={
+                **os.environ,
+                "PYTHONPATH": f"{STARTUP}{os.pathsep}{os.environ.get('PYTHONPATH', '')}",
+                "ROS_DOMAIN_ID": str(domain),
+            },
+        )
+
+
+def ended(run: subprocess.Popen[str], code: int = 0) -> str:
+    said, _ = run.communicate(timeout=250)
+    assert run.returncode == code, said
+    assert "Traceback" not in said
+    return said
+
+
+def until(folder: Path, checkpoints: int) -> None:
+    deadline = time.monotonic() + 200
+    while time.monotonic() < deadline and len(list(folder.glob("*/checkpoints/step_*"))) < checkpoints:
+        time.sleep(0.02)
+
+
+def curve(run: Path) -> list[dict[str, float]]:
+    found = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
+    return [{key: value for key, value in row.items() if not key.startswith("rate/")} for row in found]
+
+
+def test_a_stopped_and_a_killed_run_go_on_as_if_nothing_had_happened(tmp_path: Path) -> None:
+    recording = write_recording(tmp_path / "recording")
+    said = ended(start(tmp_path, "whole", recording))
+    assert "40 updates learned: loss" in said
+    run = start(tmp_path, "broken", recording)
+    until(tmp_path / "broken", 1)
+    os.killpg(run.pid, signal.SIGINT)
+    said = ended(run)
+    (folder,) = (tmp_path / "broken").iterdir()
+    assert f"checkpoint {folder}" in said.replace("\n", "")
+    more = f'resume_run: "broken/{folder.name}"'
+    run = start(tmp_path, "broken", recording, more=more)
+    until(tmp_path / "broken", 3)
+    os.killpg(run.pid, signal.SIGKILL)
+    run.communicate()
+    said = ended(start(tmp_path, "broken", recording, more=more))
+    assert "continuing after" in said
+    (other,) = (tmp_path / "whole").iterdir()
+    assert curve(folder) == curve(other)
+    assert [path.name for path in (tmp_path / "broken").iterdir()] == [folder.name]
+    last = [max((path / "checkpoints").iterdir()) for path in (folder, other)]
+    for name in (f"{POLICY}/model.safetensors", TRAINING, STATE):
+        assert (last[0] / name).read_bytes() == (last[1] / name).read_bytes(), name
+    assert (folder / "curves.svg").is_file()
+    assert list((folder / "tensorboard").glob("*tfevents*"))
+    facts = json.loads((folder / "run.json").read_text())
+    assert (facts["policy"], facts["settings"]["batch_size"]) == ("act", 4)
+    assert {"joshua-imitation", "lerobot", "torch"} <= set(facts["versions"])
+    changed = start(tmp_path, "broken", recording, more=f"{more} seed: 5")
+    assert "the run was started with seed 0, and the file says 5" in ended(changed, 1).replace("\n", " ")
