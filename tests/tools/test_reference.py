@@ -53,7 +53,7 @@ def test_every_value_of_every_enum_has_a_row():
 
 def test_a_row_says_unit_range_default_and_link():
     assert (
-        "| `position_max` | integer | Largest position that is ever commanded. "
+        "| `position_max` | integer | Largest position that is commanded. "
         "| 0 to 4095 ticks | such as `4095` |" in section("STS3215Config").replace("**", "")
     )
     rows = section("SingleAction")
