@@ -163,6 +163,38 @@ def test_policies_that_look_back_or_plan_run_too(tmp_path: Path) -> None:
         model.close()
 
 
+@pytest.mark.parametrize(("kind", "history"), [("diffusion", 2), ("vqbet", 3)])
+def test_policies_that_look_back_see_the_periods_before(tmp_path: Path, kind: str, history: int) -> None:
+    """The chunk that LeRobot predicts in the middle of an episode."""
+    from lerobot.policies.utils import prepare_observation_for_inference
+
+    folder = tmp_path / kind
+    policy, before, after = getattr(tiny_policies, f"make_{kind}")(folder)
+    episode = [observation(seed) for seed in range(5)]
+    policy.reset()
+    for step, seen in enumerate(episode):
+        values = dict(seen.values)
+        state = UNITS.from_radians(values["observation.state"], Unit.LEROBOT).astype(np.float32)
+        values["observation.state"] = state
+        if kind == "vqbet":
+            del values["observation.images.wrist"]
+        if step == 4:
+            policy._queues["action"].clear()
+            torch.manual_seed(3)
+        batch = prepare_observation_for_inference(values, torch.device("cpu"), "")
+        with torch.inference_mode():
+            action = after(policy.select_action(before(batch))).numpy()[0]
+    model = model_of(LeRobotModel, LeRobotSettings, folder, compute=Compute(seed=3))
+    assert model.needs().history == history
+    earlier = tuple(reversed(episode[5 - history : 4]))
+    chunk = model.act(replace(episode[-1], earlier=earlier))
+    assert len(chunk) == 4
+    np.testing.assert_allclose(chunk[0], UNITS.to_radians(action, Unit.LEROBOT), atol=1e-5, rtol=0)
+    model.reset()
+    assert np.abs(model.act(episode[-1]) - chunk).max() > 1e-5, "what was before matters"
+    model.close()
+
+
 def refusal(folder: Path, **chosen: Any) -> str:
     with pytest.raises(ModelError) as error:
         model_of(LeRobotModel, LeRobotSettings, folder, **chosen)

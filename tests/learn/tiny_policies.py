@@ -259,3 +259,38 @@ def make_tdmpc(folder: Path) -> tuple[Any, Any, Any]:
     parts = make_tdmpc_pre_post_processors(config, dataset_stats=statistics({**seen, **done}))
     save(folder, policy, *parts)
     return policy, *parts
+
+
+def make_vqbet(folder: Path) -> tuple[Any, Any, Any]:
+    """A tiny VQ-BeT, which looks back two steps, saved into a folder."""
+    from lerobot.policies.vqbet.configuration_vqbet import VQBeTConfig
+    from lerobot.policies.vqbet.modeling_vqbet import VQBeTPolicy
+    from lerobot.policies.vqbet.processor_vqbet import make_vqbet_pre_post_processors
+
+    torch.manual_seed(0)
+    seen, done = features(("top",), 96, 96)
+    config = VQBeTConfig(
+        input_features=seen,
+        output_features=done,
+        n_obs_steps=3,
+        action_chunk_size=4,
+        crop_shape=None,
+        pretrained_backbone_weights=None,
+        spatial_softmax_num_keypoints=4,
+        vqvae_embedding_dim=16,
+        vqvae_enc_hidden_dim=16,
+        gpt_block_size=32,
+        gpt_input_dim=32,
+        gpt_output_dim=32,
+        gpt_n_layer=1,
+        gpt_n_head=2,
+        gpt_hidden_dim=32,
+        device="cpu",
+        push_to_hub=False,
+    )
+    policy = VQBeTPolicy(config)
+    policy.vqbet.action_head.vqvae_model.discretized.fill_(True)  # as training does once its codes are there
+    policy.eval()
+    parts = make_vqbet_pre_post_processors(config, dataset_stats=statistics({**seen, **done}))
+    save(folder, policy, *parts)
+    return policy, *parts

@@ -583,7 +583,8 @@ def test_a_model_of_the_hub_gets_the_joints_in_the_order_of_its_checkpoint(model
     context, node = start(spec(facts=facts, subscriptions=(topic,)))
     assert model.calls[:3] == ["load", "close", "load"]
     context.receive("/state", joint_state(["a", "b"], [0.7, 0.07]))
-    play_until(context, 3, seen=1)
+    wait_until(lambda: bool(node.figures().chunks))
+    play_until(context, 3)
     np.testing.assert_allclose(model.seen[-1]["observation.state"], [0.07, 0.7])
     message = context.publishers["/action"].messages[-1]
     assert list(message.name) == ["b", "a"]

@@ -70,3 +70,38 @@ def test_an_observation_of_nothing_has_the_time_of_its_making() -> None:
     observation = Observer(FeatureSet()).observation()
     assert abs(observation.stamp_ns - time.time_ns()) < 60e9
     assert observation.values == {}
+
+
+def test_a_model_that_looks_back_sees_the_periods_before() -> None:
+    """Messages at 50 Hz and pictures at 25 Hz, for a model of 25 Hz; each by the time of its acquisition."""
+    seen = observer()
+    seen.look_back(3, 0.04)
+    begin_ns, ms = 10**18, 10**6
+    for step in range(10):
+        at_ns = begin_ns + step * 20 * ms
+        seen.add("/arm", joint_state(["a", "b"], [step, -step], at_ns=at_ns), at_ns)
+        if step % 2 == 0:
+            seen.add("/top", image(np.full((2, 3, 3), step, np.uint8), at_ns=at_ns), at_ns)
+    now = seen.observation()
+    assert now["observation.state"].tolist() == [9.0, -9.0]
+    states = [item["observation.state"][0] for item in now.earlier]
+    pictures = [int(item["observation.images.top"][0, 0, 0]) for item in now.earlier]
+    assert states == [8.0, 6.0], "the newest one within half a period of the moment"
+    assert pictures == [8, 6]
+    assert now.stamp_ns - now.earlier[-1].stamp_ns == 60 * ms
+    again = seen.observation().earlier[0]
+    assert again["observation.state"] is now.earlier[0]["observation.state"], "converted once"
+    seen.forget()
+    at_ns = begin_ns + 200 * ms
+    seen.add("/arm", joint_state(["a", "b"], [10.0, -10.0], at_ns=at_ns), at_ns)
+    first = seen.observation()
+    assert [item["observation.state"][0] for item in first.earlier] == [10.0, 10.0], "an episode has begun"
+
+
+def test_of_what_was_only_what_the_model_looks_back_at_is_kept() -> None:
+    seen = Observer(FeatureSet([STATE]), 3600.0)
+    seen.look_back(2, 0.001)
+    for step in range(100):
+        seen.add("/arm", joint_state(["a", "b"], [step, 0.0], at_ns=step), step)
+        time.sleep(0.0005)
+    assert len(seen._past["/arm"]) < 20

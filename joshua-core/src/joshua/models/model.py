@@ -32,9 +32,11 @@ class Observation(Frame):
 
     Attributes:
         task: instruction in natural language; "" if none.
+        earlier: observations one, two, … periods before, as many as the model's needs look back at.
     """
 
     task: str = ""
+    earlier: tuple[Observation, ...] = ()
 
 
 @dataclass(frozen=True)

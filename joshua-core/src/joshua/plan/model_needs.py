@@ -61,6 +61,7 @@ class ModelNeeds:
     reads_state: bool = False
     reads_task: bool = False
     supports_rtc: bool = False
+    history: int = 1
     chunk_steps: int = 0
     rate_hz: float = 0.0
     ranges: Mapping[str, tuple[tuple[float, ...], tuple[float, ...]]] = field(default_factory=dict)

@@ -311,6 +311,7 @@ class InferenceNode(NodeBehaviour):
         if self._resets:
             self._resets = False
             model.reset()
+            self._observer.forget()
         late = self._loop.predict(model, observation, began_ns)
         age_s = (self.context.now_ns() - observation.stamp_ns) / 1e9
         if late and self._loop.figures().queue == 0:
@@ -339,6 +340,7 @@ class InferenceNode(NodeBehaviour):
             lacks = unmet(model.needs(), self._features, self._ranges, self._rate_hz, strategy)
             if lacks:
                 raise ModelError("; ".join(f"{name}: {lack.message}. {lack.remedy}" for lack in lacks))
+            self._observer.look_back(model.needs().history, 1 / (self._rate_hz or 1.0))
             self._warm_up(model, compute.warm_up)
         except BaseException:
             model.close()

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from joshua.api import Observation
-from joshua.features import FeatureError, FeatureSet, checked
+from joshua.features import Feature, FeatureError, FeatureSet, checked
 from joshua.features.frame import Array
 from joshua.messages import MessageError
 from joshua.messages.arrays import acquired_ns, array_of
@@ -51,16 +53,34 @@ class Observer:
         self._now_ns = now_ns
         self._lock = threading.Lock()
         self._newest: dict[str, _Newest] = {}
-        self._arrays: dict[str, tuple[Any, Array]] = {}
+        self._past: dict[str, deque[_Newest]] = {}
+        self._count, self._period_ns = 1, 0
+        self._arrays: dict[str, deque[tuple[Any, Array]]] = {}
 
     def use(self, features: FeatureSet) -> None:
         """Takes features in place of those before."""
         self._features, self._arrays = tuple(features.values()), {}
 
+    def look_back(self, count: int, period_s: float) -> None:
+        """Gives the model so many observations, one period apart, the present one included."""
+        self._count, self._period_ns, self._arrays = count, round(period_s * NS_PER_S), {}
+
+    def forget(self) -> None:
+        """Forgets what was before: the first observation of an episode has none before it."""
+        with self._lock:
+            self._past.clear()
+
     def add(self, topic: str, message: Any, received_ns: int) -> None:
         """Takes a message; ``received_ns`` since the epoch."""
+        new = _Newest(message, received_ns, time.monotonic_ns())
         with self._lock:
-            self._newest[topic] = _Newest(message, received_ns, time.monotonic_ns())
+            self._newest[topic] = new
+            if self._count > 1:
+                past = self._past.setdefault(topic, deque())
+                past.append(new)
+                oldest_ns = new.monotonic_ns - (self._count + 1) * self._period_ns
+                while len(past) > self._count and past[1].monotonic_ns < oldest_ns:
+                    past.popleft()
 
     def missing(self) -> tuple[str, ...]:
         """Topics without a fresh message."""
@@ -80,25 +100,52 @@ class Observer:
         """
         with self._lock:
             newest = dict(self._newest)
-        seen = [feature for feature in self._features if feature.topic in newest]
+            past = {topic: tuple(messages) for topic, messages in self._past.items()}
+        now = self._made(newest)
+        earlier = []
+        for step in range(1, self._count):
+            moment_ns = now.stamp_ns - step * self._period_ns + self._period_ns // 2
+            earlier.append(
+                self._made({topic: _at(past.get(topic), moment_ns, newest[topic]) for topic in newest})
+            )
+        return replace(now, earlier=tuple(earlier))
+
+    def _made(self, messages: dict[str, _Newest]) -> Observation:
         values, stamps_ns = {}, {}
-        for feature in seen:
-            message, received_ns, _ = newest[feature.topic]
-            known = self._arrays.get(feature.key)
-            if known is None or known[0] is not message:
-                try:
-                    known = message, checked(feature, array_of(message, feature.names))
-                except (MessageError, FeatureError) as error:
-                    self._drop(feature.topic, message)
-                    raise UnfitMessageError(f"a message on {feature.topic} is not used: {error}") from error
-                self._arrays[feature.key] = known
-            values[feature.key] = known[1]
-            stamps_ns[feature.key] = acquired_ns(message, received_ns)
+        for feature in self._features:
+            if feature.topic in messages:
+                message, received_ns, _ = messages[feature.topic]
+                values[feature.key] = self._array(feature, message)
+                stamps_ns[feature.key] = acquired_ns(message, received_ns)
         now_ns = self._now_ns()  # the clock of another machine may be ahead
         stamp_ns = min(max(stamps_ns.values(), default=0) or now_ns, now_ns)
         return Observation(stamp_ns, values, stamps_ns, task=self.task)
+
+    def _array(self, feature: Feature, message: Any) -> Array:
+        """The array of a message, made once."""
+        known = self._arrays.setdefault(feature.key, deque(maxlen=self._count))
+        for other, array in known:
+            if other is message:
+                return array
+        try:
+            made = checked(feature, array_of(message, feature.names))
+        except (MessageError, FeatureError) as error:
+            self._drop(feature.topic, message)
+            raise UnfitMessageError(f"a message on {feature.topic} is not used: {error}") from error
+        known.append((message, made))
+        return made
 
     def _drop(self, topic: str, message: Any) -> None:
         with self._lock:
             if topic in self._newest and self._newest[topic].message is message:
                 del self._newest[topic]
+            past = self._past.get(topic)
+            if past is not None:
+                self._past[topic] = deque(item for item in past if item.message is not message)
+
+
+def _at(past: tuple[_Newest, ...] | None, moment_ns: int, newest: _Newest) -> _Newest:
+    """The message that was the newest one at a moment; the first one where there was none yet."""
+    known = past or (newest,)
+    before = [item for item in known if acquired_ns(item.message, item.received_ns) <= moment_ns]
+    return before[-1] if before else known[0]

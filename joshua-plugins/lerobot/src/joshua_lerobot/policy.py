@@ -16,7 +16,7 @@ from joshua.features import FeatureSet, JointUnits, Unit
 from joshua_lerobot.checkpoint import Checkpoint, CheckpointError
 from joshua_lerobot.hub import fetch, is_hub_id
 from joshua_lerobot.loading import LoadedPolicy, load_policy, out_of_memory
-from joshua_lerobot.settings import PolicySettings, without_statistics
+from joshua_lerobot.settings import PREDICTS_CHUNKS, PolicySettings, without_statistics
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -27,16 +27,13 @@ _NS_PER_S = 1_000_000_000
 #: Distance of two observations, in periods, up to which one is the predecessor of the other.
 _SUCCESSIVE = 1.5
 
-#: Policies that predict a chunk from one observation.
-PREDICTS_CHUNKS = frozenset({"act", "smolvla", "pi0", "pi05", "pi0_fast", "groot", "xvla", "wall_x"})
-
 
 class LeRobotModel(Model):
     """Runs a policy with the processors of its checkpoint.
 
-    Policies that look back (Diffusion, VQ-BeT) see the observations of consecutive requests if these follow
-    one another at the rate of the actions, and the present one in place of earlier ones otherwise, as LeRobot
-    does at the start of an episode.
+    Policies that look back (Diffusion, VQ-BeT) see the observations of the periods before, the first one of
+    an episode in place of those before it, as with LeRobot. Those that plan (TDMPC) go on from their last
+    plan where requests follow one another at the rate of the actions.
     """
 
     settings: PolicySettings
@@ -121,8 +118,11 @@ class LeRobotModel(Model):
         batch = loaded.before(self._batch(observation))
         if kind in PREDICTS_CHUNKS:
             return loaded.policy.predict_action_chunk(batch)[:, : self._steps()]
-        if not self._follows(observation):
+        follows = self._follows(observation)
+        if observation.earlier or not follows:
             loaded.policy.reset()
+        for seen in reversed(observation.earlier):
+            _shown(loaded.policy, loaded.before(self._batch(seen)))
         return _drained(loaded.policy, batch)
 
     def _continued(self, loaded: LoadedPolicy, observation: Observation, request: ChunkRequest) -> Any:
@@ -238,6 +238,12 @@ def needs_of(settings: PolicySettings, checkpoint: Checkpoint | None) -> ModelNe
         return settings.needs_of(checkpoint)
     except FieldError as error:
         raise ModelError(f"{error}. {error.remedy}") from error
+
+
+def _shown(policy: Any, batch: dict[str, Any]) -> None:
+    """Lets a policy with queues remember an observation; an action that waits keeps it from predicting."""
+    policy._queues["action"].append(None)
+    policy.select_action(batch)
 
 
 def _drained(policy: Any, batch: dict[str, Any]) -> Any:

@@ -34,6 +34,9 @@ READS_TASK = frozenset({"smolvla", "pi0", "pi05", "pi0_fast", "groot", "xvla", "
 #: Policies whose chunks can continue others: flow policies with LeRobot's own real-time chunking.
 CONTINUES = frozenset({"smolvla", "pi0", "pi05"})
 
+#: Policies that predict a chunk from one observation.
+PREDICTS_CHUNKS = frozenset({"act", "smolvla", "pi0", "pi05", "pi0_fast", "groot", "xvla", "wall_x"})
+
 #: Where each policy keeps the number of its denoising steps.
 DENOISING = {
     "smolvla": "num_steps",
@@ -197,6 +200,7 @@ class PolicySettings(ModelSettings):
             reads_state=bool(checkpoint.size(STATE)),
             reads_task=kind in READS_TASK,
             supports_rtc=kind in CONTINUES,
+            history=1 if kind in PREDICTS_CHUNKS else int(config.get("n_obs_steps") or 1),
             chunk_steps=int(config.get("chunk_size") or config.get("n_action_steps") or 0),
             rate_hz=checkpoint.fps,
             ranges={key: found for key in (STATE, ACTION) if (found := _range(checkpoint, key)) is not None},
