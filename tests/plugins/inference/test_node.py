@@ -521,8 +521,7 @@ def test_an_episode_begins_with_a_fresh_model_and_ends_with_a_mark(model: Any) -
     node.begin_episode()
     assert node.figures().state == "acts"
     assert node.end_episode(EpisodeEnd(success=True)) == "/policy: episode 2 succeeded; the arm holds"
-    figures = node.figures()
-    assert (figures.episodes, figures.successes) == (2, 1)
+    assert (node.figures().episodes, node.figures().successes) == (2, 1)
     end(context, node)
 
 
@@ -587,8 +586,7 @@ def test_a_model_of_the_hub_gets_the_joints_in_the_order_of_its_checkpoint(model
     play_until(context, 3)
     np.testing.assert_allclose(model.seen[-1]["observation.state"], [0.07, 0.7])
     message = context.publishers["/action"].messages[-1]
-    assert list(message.name) == ["b", "a"]
-    assert message.position.tolist() == [0.05, 0.9]
+    assert (list(message.name), message.position.tolist()) == (["b", "a"], [0.05, 0.9])
     end(context, node)
 
 
