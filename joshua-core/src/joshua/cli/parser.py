@@ -15,7 +15,7 @@ from joshua.cli.exit_codes import ExitCode
 from joshua.cli.options import add_run_options
 from joshua.cli.table import COMMANDS, Command
 
-DESCRIPTION = "One text file describes a robot and one command runs it: joshua --config robot.pbtxt"
+DESCRIPTION = "One text file describes a robot, one command runs it: joshua --config FILE"
 EPILOG = """A command that takes a file takes it as FILE or as --config FILE.
 
 exit codes: 0 success, 1 a node failed, 2 invalid configuration or command line,

@@ -58,7 +58,7 @@ run = run_graph_command
 def _list(arguments: argparse.Namespace) -> int:
     with graph_session(arguments) as transport:
         for item in _services(transport, arguments.wait):
-            sys.stdout.write(f"{item.name} [{item.type_name}]\n" if arguments.types else f"{item.name}\n")
+            show([f"{item.name} [{item.type_name}]" if arguments.types else item.name])
     return ExitCode.OK
 
 

@@ -105,9 +105,13 @@ def _list(nodes: list[tuple[RunningSystem, str]], args: argparse.Namespace) -> i
     if args.format == "json":
         sys.stdout.write(json.dumps(rows, indent=2) + "\n")
         return ExitCode.OK
+    from joshua.supervisor.tables import Screen
+
+    screen = Screen.of(sys.stdout)
     for row in rows:
-        sys.stdout.write(f"{row['node']}\n" + (f"  {row['error']}\n" if "error" in row else ""))
-        sys.stdout.writelines(f"  {verb_line(info)}\n" for info in row["verbs"])
+        lines = [row["error"]] if "error" in row else [verb_line(info) for info in row["verbs"]]
+        wrapped = (piece for line in lines for piece in screen.wrap(f"  {line}", indent=6))
+        sys.stdout.writelines(f"{line}\n" for line in (row["node"], *wrapped))
     return ExitCode.OK
 
 

@@ -17,9 +17,9 @@ SUMMARY = "list the cameras of this machine, and save a picture of each"
 NOTHING = """no camera was found
 
 Plug one in. If it is plugged in already:
-  - lsusb shows whether the computer sees it; if not, try another cable or socket
-  - in a container or a virtual machine, pass the device on (such as docker run --device /dev/video0)
-  - a phone or a network camera needs no device: put its address into source, as in
+  - if lsusb does not show it, try another cable or socket
+  - in a container, pass the device on: docker run --device /dev/video0
+  - a phone or a network camera needs no device, but its address in the file:
     source: "http://192.168.1.7:8080/video"
 """
 

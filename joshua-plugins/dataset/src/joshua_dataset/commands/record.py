@@ -27,7 +27,7 @@ ACTIONS = {
 }
 
 KEYS = {" ": "", "s": "start", "e": "stop", "k": "keep", "d": "discard", "r": "rerecord", "t": "task"}
-HELP = "space start/stop   k keep   d discard   r record anew   t next task   q quit (the run goes on)"
+HELP = "space start/stop  k keep  d discard  r record anew  t next task  q leave"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

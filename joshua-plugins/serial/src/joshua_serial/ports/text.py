@@ -14,9 +14,9 @@ from joshua_serial.ports.survey import Families, PortSurvey
 NOTHING = """no USB serial adapter was found
 
 Plug one in and switch on the arm's supply. If it is plugged in already:
-  - lsusb shows whether the computer sees it; if not, try another cable or socket
-  - in a container or a virtual machine, pass the device on (such as docker run --device /dev/ttyACM0)
-  - a port that is no USB adapter, such as a board's own UART, is named: joshua find-port --port /dev/ttyAMA0
+  - if lsusb does not show it, try another cable or socket
+  - in a container, pass the device on: docker run --device /dev/ttyACM0
+  - name a board's own serial port: joshua find-port --port /dev/ttyAMA0
 """
 
 
