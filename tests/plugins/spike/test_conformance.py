@@ -4,12 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import pytest
 from joshua.devices.actuator import Actuator
 from joshua.testing import check_actuator
 from joshua_calibration.target import CalibrationTarget
 from joshua_calibration.testing import check_calibration_target
 from joshua_emulator.spike.process import EmulatedHub
+from joshua_spike import link
 from joshua_spike.actuator import SpikeActuator
+from joshua_spike.link import FIND_TIMEOUT_S
+
+
+@pytest.fixture(autouse=True)
+def search(patience: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As long as in use: the kit has a second driver search for a hub that the first one holds."""
+    monkeypatch.setattr(link, "FIND_TIMEOUT_S", FIND_TIMEOUT_S)
 
 
 def test_the_driver_keeps_the_contract_of_actuators(
