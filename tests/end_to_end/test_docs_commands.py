@@ -9,7 +9,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -114,23 +115,52 @@ def commanding_pages() -> list[Path]:
     return [page for page in PAGES if steps(page)]
 
 
-def marked(page: Path) -> Any:
-    """A page whose commands run a robot judges rates, as MODE_TEST does."""
-    runs = re.compile(r"joshua --config (?!.*--validate-only)")
-    commands = (command for step in steps(page) for command in step.commands)
-    marks = [pytest.mark.timing] if any(map(runs.match, commands)) else []
-    return pytest.param(page, id=str(page.relative_to(ROOT)), marks=marks)
+def judged_runs(page: Path) -> set[str]:
+    """The commands of a page that run a file in MODE_TEST, which judges rates."""
+    files: dict[str, Path] = {}
+    found = set()
+    for command in (command for step in steps(page) for command in step.commands):
+        if made := re.match(r"joshua new (\S+) --from (\S+)", command):
+            files[f"{made[1]}.pbtxt"] = ROOT / "configs" / f"{made[2]}.pbtxt"
+        run = re.match(r"joshua --config (\S+)(?!.*--validate-only)(?!.*general\.mode=)", command)
+        if run and "mode: MODE_TEST" in files.get(run[1], ROOT / run[1]).read_text(encoding="utf-8"):
+            found.add(command)
+    return found
 
 
-@pytest.mark.timeout(1500)
-@pytest.mark.parametrize("page", [marked(page) for page in commanding_pages()])
-def test_the_commands_of_a_page_run(page: Path, terminal: Terminal):
+def named(pages: Iterable[Path]) -> list[Any]:
+    return [pytest.param(page, id=str(page.relative_to(ROOT))) for page in pages]
+
+
+def walk(page: Path, terminal: Terminal, wanted: Callable[[str], bool]) -> None:
+    """Does the steps of a page, with the commands that are wanted; Ctrl-C is the command ""."""
     for step in steps(page):
+        commands = tuple(filter(wanted, step.commands))
+        if not commands and not (step.interrupt and wanted("")):
+            continue
+        exit_code = step.exit_code if commands[-1:] == step.commands[-1:] else 0
         try:
-            terminal.run(step)
+            terminal.run(replace(step, commands=commands, exit_code=exit_code))
         except AssertionError as error:
             raise AssertionError(f"{page.relative_to(ROOT)}:{step.line}: {error}") from error
     assert terminal._background is None, "the page leaves a command running: say when to press Ctrl-C"
+
+
+@pytest.mark.timeout(1500)
+@pytest.mark.parametrize("page", named(commanding_pages()))
+def test_the_commands_of_a_page_run(page: Path, terminal: Terminal):
+    """All but those that judge rates, which the next test runs alone."""
+    runs = judged_runs(page)
+    walk(page, terminal, lambda command: command not in runs)
+
+
+@pytest.mark.timing
+@pytest.mark.parametrize("page", named(page for page in PAGES if judged_runs(page)))
+def test_the_runs_of_a_page_pass(page: Path, terminal: Terminal):
+    """Those that judge rates, with what makes and changes their files."""
+    runs = judged_runs(page)
+    files = re.compile("joshua new |sed |cat |mkdir ")
+    walk(page, terminal, lambda command: command in runs or files.match(command) is not None)
 
 
 def test_the_pages_that_a_newcomer_reads_have_commands():

@@ -19,6 +19,7 @@ from joshua.ipc import run_bases
 from joshua.supervisor.run_directory import RunDirectory
 from joshua.supervisor.starting import starting
 from joshua.testing.port import free_port
+from same_process import joshua_here
 
 CONFIGURATION = """
 general { mode: MODE_TEST id: "NAME" name: "estop test" }
@@ -66,14 +67,7 @@ class Shell:
         return LatchFolder(self.folder / "run" / "joshua" / "estop")
 
     def joshua(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, "-m", "joshua.cli.main", *arguments],
-            env=self.environment,
-            cwd=self.folder,
-            capture_output=True,
-            text=True,
-            timeout=120,
-        )
+        return joshua_here(*arguments, environment=self.environment, folder=self.folder)
 
     def file(self, name: str) -> Path:
         path = self.folder / f"{name}.pbtxt"
@@ -113,6 +107,7 @@ class Shell:
         end_s = time.monotonic() + 60
         while not wanted.items() <= self.states().items():
             assert time.monotonic() < end_s, self.nodes
+            time.sleep(0.02)
 
 
 @pytest.fixture

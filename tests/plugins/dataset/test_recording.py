@@ -22,6 +22,7 @@ from joshua_dataset.reader import Dataset
 from joshua_dataset.writer import LeRobotWriter
 from processes import descendants_of, title_of
 from rosbags.rosbag2 import Reader
+from same_process import joshua_here
 from small_dataset import layout
 
 ROBOT = """
@@ -82,8 +83,12 @@ def ready(joshua: JoshuaProgram) -> bool:
     return bool(rates) and all(rates.values())
 
 
+def here(joshua: JoshuaProgram, *words: str) -> subprocess.CompletedProcess[str]:
+    return joshua_here(*words, environment=joshua.environment, folder=joshua.folder)
+
+
 def status(joshua: JoshuaProgram) -> dict[str, Any]:
-    found = joshua("call", "data_store", "status", "--format", "json")
+    found = here(joshua, "call", "data_store", "status", "--format", "json")
     return dict(json.loads(found.stdout)) if found.returncode == 0 else {}
 
 

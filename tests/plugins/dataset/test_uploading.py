@@ -14,6 +14,7 @@ from joshua.testing.domain import reserved_domain
 from joshua.testing.program import JoshuaProgram
 from joshua.tools import check, render_text
 from joshua_dataset.reader import Dataset
+from same_process import joshua_here
 from small_dataset import write
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -153,7 +154,7 @@ def test_ctrl_c_keeps_and_uploads_the_open_episode(joshua: JoshuaProgram, tmp_pa
     there = tmp_path / "there"
     fields = f'storage: STORAGE_CLOUD local_path: "waves" remote_url: "{there.as_uri()}"'
     process = started(joshua, cell(tmp_path, f"{fields} auto_start: true"))
-    eventually(lambda: "frames: 0 " not in joshua("record", "status").stdout, "there are frames")
+    eventually(lambda: "frames: 0 " not in status(joshua), "there are frames")
     _, errors = joshua.stop(process)
     assert process.returncode == 0, errors
     assert f"uploading to {there.as_uri()}; press Ctrl-C again to leave it" in errors
@@ -163,8 +164,13 @@ def test_ctrl_c_keeps_and_uploads_the_open_episode(joshua: JoshuaProgram, tmp_pa
 def started(joshua: JoshuaProgram, path: str) -> subprocess.Popen[str]:
     """A run that records its first episode."""
     process = joshua.start("--config", path)
-    eventually(lambda: "recording" in joshua("record", "status").stdout, "the first episode is recorded")
+    eventually(lambda: "recording" in status(joshua), "the first episode is recorded")
     return process
+
+
+def status(joshua: JoshuaProgram) -> str:
+    words = ("record", "status")
+    return joshua_here(*words, environment=joshua.environment, folder=joshua.folder).stdout
 
 
 def record(joshua: JoshuaProgram, word: str) -> str:

@@ -15,6 +15,7 @@ from joshua.cli.commands import call
 from joshua.ipc.client import CallError, RunInfo, RunningSystem
 from joshua.testing.domain import reserved_domain
 from joshua.testing.program import JoshuaProgram
+from same_process import joshua_here
 
 PRESET = Path(__file__).parents[4] / "configs/inference_random_noise.pbtxt"
 
@@ -34,8 +35,12 @@ def started(joshua: JoshuaProgram) -> subprocess.Popen[str]:
     return run
 
 
+def here(joshua: JoshuaProgram, *words: str) -> subprocess.CompletedProcess[str]:
+    return joshua_here(*words, environment=joshua.environment, folder=joshua.folder)
+
+
 def rates(joshua: JoshuaProgram) -> dict[str, float]:
-    (status,) = json.loads(joshua("status", "--format", "json").stdout)
+    (status,) = json.loads(here(joshua, "status", "--format", "json").stdout)
     node = next(node for node in status["nodes"] if node["full_name"] == "/random_noise")
     return dict(node["published_hz"])
 
@@ -62,7 +67,7 @@ def test_a_model_is_unloaded_and_loaded_and_the_arm_holds_meanwhile(
     )
     eventually(lambda: not any(rates(joshua).values()))
     eventually(lambda: logged(tmp_path, "commands stopped: the joints hold their position"))
-    again = joshua("call", "random_noise", "unload")
+    again = here(joshua, "call", "random_noise", "unload")
     assert (again.returncode, again.stderr) == (
         1,
         "joshua call: /random_noise has no model: load it first\n",
@@ -71,13 +76,13 @@ def test_a_model_is_unloaded_and_loaded_and_the_arm_holds_meanwhile(
     assert json.loads(loaded.stdout) == {"text": "/random_noise: the model is loaded"}
     eventually(lambda: any(rates(joshua).values()))
     eventually(lambda: logged(tmp_path, "commands resumed: the joints approach them slowly"))
-    typo = joshua("call", "random_noise", "laod")
+    typo = here(joshua, "call", "random_noise", "laod")
     assert (typo.returncode, typo.stderr) == (
         2,
         "joshua call: /random_noise has no verb 'laod'\n  allowed: load, unload, begin_episode, "
         "end_episode, figures, pause, resume, step, task\n",
     )
-    other = joshua("call", "random_nose", "load")
+    other = here(joshua, "call", "random_nose", "load")
     assert other.returncode == 2
     assert "no node is named 'random_nose'\n  allowed: /random_noise, " in other.stderr
     joshua.stop(run)
