@@ -1,0 +1,98 @@
+"""Evaluations of what was really trained: beside stable-baselines3's own, and with a policy of LeRobot."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import tiny_policies
+from evaluation_files import write_evaluation
+from joshua.planner.pipeline import examine
+from joshua.planner.request import Request
+from joshua.testing.recording_context import RecordingContext
+from joshua_evaluation.node import Evaluation
+from joshua_mujoco_sim.envs import make_environment
+from joshua_training.run_folder import RunFolder
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.monitor import Monitor
+from test_ppo_trainer import REACH, learner
+
+EPISODES, SEED = 30, 500
+
+
+class Seeded(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """Starts the episodes of consecutive seeds, which stable-baselines3 has no argument for."""
+
+    def __init__(self, environment: Any) -> None:
+        super().__init__(environment)
+        self._seed = SEED
+        self.successes: list[bool] = []
+
+    def reset(self, **options: Any) -> Any:
+        seed, self._seed = self._seed, self._seed + 1
+        return self.env.reset(seed=seed)
+
+    def step(self, action: Any) -> Any:
+        answer = self.env.step(action)
+        if answer[2] or answer[3]:
+            self.successes.append(bool(answer[4]["is_success"]))
+        return answer
+
+
+def evaluated(folder: Path, checkpoint: Path, more: str, episodes: int) -> dict[str, Any]:
+    path = write_evaluation(folder, checkpoint, f"videos: 0 {more}", episodes=episodes, seed=f"seed: {SEED}")
+    result = examine(Request(str(path)))
+    assert result.plan is not None, result.errors
+    context = RecordingContext(result.plan.nodes[0])
+    node = Evaluation(context)
+    node.configure()
+    node.activate()
+    assert node._ended.wait(200)
+    context.stop()
+    (made,) = (folder / "runs").glob("eval-*")
+    content: dict[str, Any] = json.loads((made / "results.json").read_text())
+    return content
+
+
+def test_success_and_returns_are_those_of_stable_baselines3(tmp_path: Path) -> None:
+    from joshua_ppo_trainer import checkpoint
+    from joshua_ppo_trainer.node import _policy_facts
+
+    made = learner(num_envs=64, total_timesteps=60_000, batch_size=512, n_steps=32, n_epochs=8)
+    for _ in range(12):
+        made.iterate()
+    about = {
+        **_policy_facts(type("Chosen", (), {"environment_id": REACH}), made._environment),
+        "format": 1,
+        "algorithm": "PPO",
+        "activation": made._settings.activation,
+        "normalisation": None,
+    }
+    run = RunFolder.create(tmp_path / "runs", "reach", {})
+    run.save(made.steps, checkpoint.as_files(*made.snapshot(), about))
+    content = evaluated(tmp_path, run.path, "", EPISODES)
+    theirs = Seeded(make_environment(REACH, disable_env_checker=True))
+    returns, lengths = evaluate_policy(
+        made._model, Monitor(theirs), EPISODES, deterministic=True, return_episode_rewards=True
+    )
+    metrics = content["metrics"]
+    rate = float(np.mean(theirs.successes[:EPISODES]))
+    print(f"success {metrics['success_rate']['value']:.3f} here, {rate:.3f} of stable-baselines3")
+    assert 0.05 < rate < 1.0
+    # torch and NumPy round differently, which can move the end of an episode by a step
+    assert metrics["success_rate"]["value"] == pytest.approx(rate, abs=1 / EPISODES)
+    same = np.isclose(metrics["avg_return"]["episodes"], returns, atol=1e-3)
+    assert same.mean() > 0.9
+    assert np.isclose(metrics["episode_length"]["episodes"], lengths).mean() > 0.9
+
+
+def test_a_policy_of_lerobot_is_judged_by_its_pictures(tmp_path: Path) -> None:
+    tiny_policies.make_act(tmp_path / "act", radians=True)
+    content = evaluated(tmp_path, tmp_path / "act", "compute { seed: 1 }", 2)
+    assert content["complete"]
+    assert content["metrics"]["episode_length"]["value"] == 75
+    assert content["metrics"]["inference_latency"]["value"] > 0.1
