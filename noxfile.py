@@ -142,7 +142,8 @@ def mjx(session: nox.Session) -> None:
 def learn(session: nox.Session) -> None:
     """Real LeRobot, Gymnasium's own environments: requirements that fit no other session.
 
-    ``-- bench`` prints how fast data sets and policies are, ours and LeRobot's in the same run.
+    ``-- bench`` prints how fast data sets and policies are, ours and LeRobot's in the same run. ``-- soak``
+    kills trainings at random moments and compares what they become when they are continued.
     """
     session.install("torch==2.13.0")
     session.install("--no-deps", "-r", "constraints-learn.txt")
@@ -166,6 +167,9 @@ def learn(session: nox.Session) -> None:
     if session.posargs == ["bench"]:
         for script in sorted(ROOT.glob("tests/learn/bench_*.py")):
             session.run("python", str(script.relative_to(ROOT)), env=environment)
+        return
+    if session.posargs[:1] == ["soak"]:
+        session.run("python", "tests/learn/soak_resume.py", *session.posargs[1:], env=environment)
         return
     session.run(
         "pytest",

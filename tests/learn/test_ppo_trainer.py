@@ -14,15 +14,20 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from joshua.planner.pipeline import examine
+from joshua.planner.request import Request
 from joshua.schema import config_pb2 as pb
+from joshua.testing.recording_context import RecordingContext
 from joshua_mujoco_sim.envs import make_vector_environment
 from joshua_ppo_trainer import checkpoint
 from joshua_ppo_trainer.learner import DivergedError, Learner
+from joshua_ppo_trainer.node import PpoTrainer
 from joshua_ppo_trainer.normalise import Moments
 from joshua_ppo_trainer.policy import Policy
 from joshua_ppo_trainer.settings import TrainerSettings
 from joshua_ppo_trainer.vec_env import BatchedVecEnv
 from joshua_training.run_folder import RunError, RunFolder
+from safetensors.numpy import load_file
 
 REACH = "joshua/SoArm100Reach-v0"
 SMALL: dict[str, Any] = {
@@ -141,6 +146,33 @@ def test_a_learner_goes_on_from_a_checkpoint_bit_for_bit(environment: str, tmp_p
     assert not differ(weights(whole), weights(after))
 
 
+@pytest.mark.parametrize("buffer_size", [400, 4000], ids=["full", "filling"])
+def test_a_learner_of_sac_goes_on_with_its_replay_buffer(
+    buffer_size: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("joshua_ppo_trainer.learner.SAC_STEPS", 120)
+    fields: dict[str, Any] = {"algorithm": "SAC", "learning_starts": 300, "buffer_size": buffer_size}
+    fields |= {"updates_per_step": 2, "hidden_sizes": [16], "normalize_observations": True}
+    whole = learner(**fields)
+    expected = rows(whole, 6)
+    for before_it in (1, 4):  # while actions are drawn at random, and after
+        before = learner(**fields)
+        rows(before, before_it)
+        files = checkpoint.as_files(*before.snapshot(), {"algorithm": "SAC"})
+        folder = RunFolder.create(tmp_path, "run", {}).save(before.steps, files)
+        torch.manual_seed(99)
+        np.random.seed(99)
+        after = learner(**fields)
+        after.restore(*checkpoint.read(folder))
+        assert rows(after, 6 - before_it) == expected[before_it:]
+        assert not differ(weights(whole), weights(after))
+    smaller = learner(**{**fields, "buffer_size": 40})
+    with pytest.raises(
+        RunError, match="replay buffer of the checkpoint does not fit: continue with the buff"
+    ):
+        smaller.restore(*checkpoint.read(folder))
+
+
 def test_a_stop_in_the_middle_keeps_the_last_whole_iteration() -> None:
     asked = [False]
     made = learner(n_epochs=50)
@@ -163,6 +195,9 @@ def test_a_loss_that_is_no_number_stops_with_what_to_do() -> None:
     with pytest.raises(DivergedError, match=r"is not a number after .* steps: lower learning_rate"):
         made.iterate()
     assert made.snapshot() is kept
+    batch = made.last_batch()
+    assert batch["observations"].shape == (16, 30)
+    assert not np.isfinite(batch["weights.value_net.weight"]).any()
     with torch.no_grad():
         made.policy.action_net.weight.fill_(float("nan"))
     with pytest.raises(DivergedError, match="an action is not a number"):
@@ -274,6 +309,34 @@ def start(folder: Path, name: str, *, steps: int, more: str = "") -> subprocess.
         start_new_session=True,
         env=os.environ | {"ROS_DOMAIN_ID": "77"},
     )
+
+
+def test_a_run_that_diverges_keeps_the_batch(tmp_path: Path) -> None:
+    path = tmp_path / "high.pbtxt"
+    text = TRAINING.format(name="high", steps=4000, more="clip_range: 1 max_grad_norm: 1000 target_kl: 10")
+    path.write_text(
+        text.replace("learning_rate: 0.001", "learning_rate: 1").replace("n_epochs: 4", "n_epochs: 60")
+    )
+    node, context = prepared(path)
+    node._learner._model.policy.value_net.weight.data.fill_(1e30)
+    node.activate()
+    assert node._ended.wait(100)
+    with pytest.raises(RunError, match=r"is not a number after .*; the batch and the weights are in (.*)"):
+        context.stop()
+    (run,) = (tmp_path / "high").iterdir()
+    kept = load_file(run / "diverged.safetensors")
+    assert {"observations", "actions", "advantages", "weights.action_net.weight"} <= set(kept)
+    node.cleanup()
+
+
+def prepared(path: Path) -> tuple[Any, Any]:
+    """The trainer's node of a file, configured, and its context."""
+    result = examine(Request(str(path)))
+    assert result.plan is not None, result.errors
+    context = RecordingContext(result.plan.nodes[0])
+    node = PpoTrainer(context)
+    node.configure()
+    return node, context
 
 
 def curve(run: Path) -> list[dict[str, float]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import errno
 import json
+import os
 import re
 import sys
 import time
@@ -254,10 +255,10 @@ def test_a_stop_keeps_the_episodes_that_are_done(tmp_path: Path, reaching: Path)
 def test_a_full_disk_is_said(tmp_path: Path, random_policy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     node, context = prepared(tmp_path, random_policy, "videos: 0", episodes=1)
 
-    def full(path: Path, *args: Any, **options: Any) -> None:
+    def full(handle: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(os, "fsync", full)
     node.activate()
     assert node._ended.wait(60)
     with pytest.raises(RunError, match=r"cannot be written: No space left on device: make room, and"):

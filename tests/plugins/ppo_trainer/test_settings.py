@@ -86,11 +86,6 @@ def test_a_batch_that_never_fills_is_refused(tmp_path: Path) -> None:
     )
 
 
-def test_a_run_of_sac_cannot_be_continued(tmp_path: Path) -> None:
-    (error,) = errors(tmp_path, training('algorithm: "SAC" resume_run: "runs/a"'))
-    assert "hold no replay buffer" in error.message
-
-
 def test_folders_are_relative_to_the_file() -> None:
     from joshua.plugins.block_context import BlockContext
 

@@ -217,14 +217,11 @@ class Evaluation(Trainer):
         results = as_json(judged, {**self._about, "complete": complete}, intervals)
         folder = self._folder
         try:
-            (folder.path / TABLE).write_text(as_csv(judged), encoding="utf-8")
-            (folder.path / REPORT).write_text(report.page(results, judged, clips, note), encoding="utf-8")
+            folder.write(TABLE, as_csv(judged).encode())
+            folder.write(REPORT, report.page(results, judged, clips, note).encode())
             folder.write_json(RESULTS, results)
-        except OSError as error:
-            raise RunError(
-                f"{folder.path} cannot be written: {error.strerror or error}: make room, and evaluate again; "
-                "the same seeds give the same episodes"
-            ) from error
+        except RunError as error:
+            raise RunError(f"{error}, and evaluate again; the same seeds give the same episodes") from error
         self.context.log.info("report %s", folder.path / REPORT)
 
     def _summary(self, judged: Sequence[Judged]) -> str:

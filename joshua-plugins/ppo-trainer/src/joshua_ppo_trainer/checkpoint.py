@@ -42,21 +42,23 @@ def load_weights(module: torch.nn.Module, arrays: Mapping[str, Any], prefix: str
         raise RunError(f"the weights do not fit the network of this file: {reason}") from error
 
 
-def optimiser_arrays(optimiser: torch.optim.Optimizer) -> Arrays:
+def optimiser_arrays(optimiser: torch.optim.Optimizer, prefix: str = "optimiser") -> Arrays:
     """What an optimiser remembers of each weight."""
     arrays = {}
     for index, memory in optimiser.state_dict()["state"].items():
         for name, value in memory.items():
-            arrays[f"optimiser.{index}.{name}"] = torch.as_tensor(value).cpu().numpy().copy()
+            arrays[f"{prefix}.{index}.{name}"] = torch.as_tensor(value).cpu().numpy().copy()
     return arrays
 
 
-def load_optimiser(optimiser: torch.optim.Optimizer, arrays: Mapping[str, Any]) -> None:
+def load_optimiser(
+    optimiser: torch.optim.Optimizer, arrays: Mapping[str, Any], prefix: str = "optimiser"
+) -> None:
     """Takes the memory of an optimiser over."""
     memory: dict[int, dict[str, Any]] = {}
     for key, value in arrays.items():
         kind, _, rest = key.partition(".")
-        if kind == "optimiser":
+        if kind == prefix:
             index, _, name = rest.partition(".")
             memory.setdefault(int(index), {})[name] = torch.from_numpy(np.array(value))
     whole = optimiser.state_dict()
@@ -82,14 +84,31 @@ def load_generators(arrays: Mapping[str, Any]) -> None:
     np.random.set_state(state)
 
 
+def space_state(space: Any) -> dict[str, Any]:
+    """The random generator of a space of Gymnasium, which draws the first actions of SAC; JSON-able."""
+    state: dict[str, Any] = space.np_random.bit_generator.state
+    return state
+
+
+def load_space(space: Any, state: Mapping[str, Any]) -> None:
+    """Takes the random generator of a space over."""
+    space.np_random.bit_generator.state = dict(state)
+
+
+def packed(arrays: Mapping[str, Any]) -> bytes:
+    """Arrays as safetensors."""
+    content: bytes = save_arrays({name: np.ascontiguousarray(value) for name, value in arrays.items()})
+    return content
+
+
 def as_files(
     policy: Arrays, training: Arrays, state: Mapping[str, Any], about: Mapping[str, Any]
 ) -> dict[str, bytes]:
     """The files of a checkpoint by name; ``about`` describes the policy."""
     return {
         ABOUT: json.dumps(about, indent=2, sort_keys=True).encode() + b"\n",
-        WEIGHTS: save_arrays({name: np.ascontiguousarray(value) for name, value in policy.items()}),
-        TRAINING: save_arrays({name: np.ascontiguousarray(value) for name, value in training.items()}),
+        WEIGHTS: packed(policy),
+        TRAINING: packed(training),
         STATE: json.dumps(state, indent=2, sort_keys=True).encode() + b"\n",
     }
 

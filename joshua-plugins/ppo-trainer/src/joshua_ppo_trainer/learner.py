@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from joshua_training.run_folder import RunError
 from stable_baselines3 import PPO, SAC
-from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.buffers import ReplayBuffer, RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 
@@ -37,12 +37,28 @@ class _StoppableBuffer(RolloutBuffer):  # type: ignore[misc,unused-ignore]
     """Asks before each mini-batch whether learning continues, so that a stop needs not wait for an update."""
 
     asked: Callable[[], bool] = staticmethod(lambda: False)
+    last: Any = None
 
     def get(self, batch_size: int | None = None) -> Iterator[Any]:
         for batch in super().get(batch_size):
             if self.asked():
                 raise Stopped
+            self.last = batch
             yield batch
+
+
+class _RememberingBuffer(ReplayBuffer):  # type: ignore[misc,unused-ignore]
+    """Remembers the batch that it gave last."""
+
+    last: Any = None
+
+    def sample(self, batch_size: int, env: Any = None) -> Any:
+        self.last = super().sample(batch_size, env)
+        return self.last
+
+
+#: What a replay buffer holds of each step.
+_REPLAYED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
 class _Watch(BaseCallback):  # type: ignore[misc,unused-ignore]
@@ -150,15 +166,26 @@ class Learner:
         """Weights, what training needs beside them, and the state, all after the last whole iteration."""
         return self._snapshot or self._take()
 
+    def last_batch(self) -> dict[str, Any]:
+        """The samples of the last update, and the weights: what a loss that is not a number came from."""
+        model = self._model
+        buffer = model.rollout_buffer if self._settings.algorithm == "PPO" else model.replay_buffer
+        batch = buffer.last._asdict() if buffer.last is not None else {}
+        found = {
+            name: value.detach().cpu().numpy() for name, value in batch.items() if hasattr(value, "detach")
+        }
+        return found | checkpoint.weights_of(model.policy, "weights.")
+
     def restore(self, policy: dict[str, Any], training: dict[str, Any], state: dict[str, Any]) -> None:
-        """Goes on where a snapshot was taken, bit for bit. Only PPO; before the first iteration.
+        """Goes on where a snapshot was taken, bit for bit. Before the first iteration.
 
         Raises:
             RunError: it is of another network or other environments.
         """
         model = self._model
         checkpoint.load_weights(model.policy, policy)
-        checkpoint.load_optimiser(model.policy.optimizer, training)
+        for name, optimiser in self._optimisers().items():
+            checkpoint.load_optimiser(optimiser, training, name)
         self.normaliser.load(training)
         prefix = "environment."
         try:
@@ -172,6 +199,8 @@ class Learner:
         vec_env.done = state["episodes_done"]
         model.num_timesteps, self._iterations = state["steps"], state["iterations"]
         model._n_updates = state["updates"]
+        if self._settings.algorithm == "SAC":
+            self._restore_replay(training, state)
         # with a last observation, the learner does not start the environments again
         model._last_obs, model._last_episode_starts = training["last.observation"], training["last.starts"]
         checkpoint.load_generators(training)
@@ -210,15 +239,15 @@ class Learner:
         model, vec_env = self._model, self.vec_env
         policy = checkpoint.weights_of(model.policy)
         training: dict[str, Any] = self.normaliser.arrays() | checkpoint.generator_arrays()
-        if self._settings.algorithm == "PPO":
-            training |= checkpoint.optimiser_arrays(model.policy.optimizer)
-            training |= {f"environment.{name}": v for name, v in self._environment.snapshot().items()}
-            training |= {
-                "episode.returns": vec_env.returns.copy(),
-                "episode.lengths": vec_env.lengths.copy(),
-                "last.observation": np.array(model._last_obs),
-                "last.starts": np.array(model._last_episode_starts),
-            }
+        for name, optimiser in self._optimisers().items():
+            training |= checkpoint.optimiser_arrays(optimiser, name)
+        training |= {f"environment.{name}": v for name, v in self._environment.snapshot().items()}
+        training |= {
+            "episode.returns": vec_env.returns.copy(),
+            "episode.lengths": vec_env.lengths.copy(),
+            "last.observation": np.array(model._last_obs),
+            "last.starts": np.array(model._last_episode_starts),
+        }
         state = {
             "format": 1,
             "algorithm": self._settings.algorithm,
@@ -228,7 +257,40 @@ class Learner:
             "episodes": [list(episode) for episode in vec_env.episodes],
             "episodes_done": vec_env.done,
         }
+        if self._settings.algorithm == "SAC":
+            buffer = model.replay_buffer
+            rows = buffer.buffer_size if buffer.full else buffer.pos
+            training |= {f"replay.{name}": getattr(buffer, name)[:rows].copy() for name in _REPLAYED}
+            training["entropy.log"] = model.log_ent_coef.detach().numpy().copy()
+            state |= {"replay": {"position": buffer.pos, "full": bool(buffer.full)}}
+            state["action_space"] = checkpoint.space_state(model.action_space)
         return policy, training, state
+
+    def _optimisers(self) -> dict[str, torch.optim.Optimizer]:
+        """By the prefix of their arrays in a checkpoint."""
+        model = self._model
+        if self._settings.algorithm == "PPO":
+            return {"optimiser": model.policy.optimizer}
+        return {
+            "optimiser_actor": model.actor.optimizer,
+            "optimiser_critic": model.critic.optimizer,
+            "optimiser_entropy": model.ent_coef_optimizer,
+        }
+
+    def _restore_replay(self, training: dict[str, Any], state: dict[str, Any]) -> None:
+        model, buffer = self._model, self._model.replay_buffer
+        for name in _REPLAYED:
+            kept, wanted = training.get(f"replay.{name}"), getattr(buffer, name)
+            if kept is None or len(kept) > len(wanted) or kept.shape[1:] != wanted.shape[1:]:
+                raise RunError(
+                    "the replay buffer of the checkpoint does not fit: continue with the buffer_size of "
+                    "the run"
+                )
+            wanted[: len(kept)] = kept
+        buffer.pos, buffer.full = state["replay"]["position"], state["replay"]["full"]
+        with torch.no_grad():
+            model.log_ent_coef.copy_(torch.from_numpy(np.array(training["entropy.log"])))
+        checkpoint.load_space(model.action_space, state["action_space"])
 
     def metrics(self) -> dict[str, float]:
         """Averages over the last episodes, as of the last whole iteration."""
@@ -278,6 +340,7 @@ class Learner:
             self.vec_env,
             learning_rate=settings.learning_rate,
             buffer_size=settings.buffer_size,
+            replay_buffer_class=_RememberingBuffer,
             learning_starts=settings.learning_starts,
             batch_size=settings.batch_size,
             tau=settings.tau,

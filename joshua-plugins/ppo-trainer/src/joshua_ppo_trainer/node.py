@@ -16,6 +16,9 @@ from joshua_ppo_trainer.settings import TrainerSettings
 #: How long a stop waits for the last checkpoint.
 SAVE_S = 8.0
 
+#: The samples and weights of an update whose loss was not a number.
+BATCH = "diverged.safetensors"
+
 #: An update of a large batch gives no sign of life for this long at most.
 HANG_S = 600.0
 
@@ -121,6 +124,8 @@ class PpoTrainer(Trainer):
     def _learn(self) -> None:
         from torch.utils.tensorboard import SummaryWriter
 
+        from joshua_ppo_trainer.learner import DivergedError
+
         folder, learner, settings = self._folder, self._learner, self._settings
         assert folder is not None
         board = SummaryWriter(str(folder.path / "tensorboard"), purge_step=learner.steps or None)
@@ -141,9 +146,9 @@ class PpoTrainer(Trainer):
                 self.context.end_run(
                     f"{learner.steps} steps learned: {_shown(learner.metrics())}, {folder.path}"
                 )
-        except RunError:
-            self._save()  # the state before what failed
-            raise
+        except DivergedError as error:
+            self._save()  # the state before it
+            raise RunError(f"{error}; {self._kept_batch()}") from error
         finally:
             board.close()
             self._ended.set()
@@ -160,6 +165,14 @@ class PpoTrainer(Trainer):
         )
         self._saved = state["steps"]
         self.context.log.info("checkpoint %s", path)
+
+    def _kept_batch(self) -> str:
+        """Writes the samples of the last update and the weights after it; says where."""
+        from joshua_ppo_trainer import checkpoint
+
+        assert self._folder is not None
+        path = self._folder.write(BATCH, checkpoint.packed(self._learner.last_batch()))
+        return f"the batch and the weights are in {path}"
 
     def _about_policy(self, training: dict[str, Any]) -> dict[str, Any]:
         """What a policy sees and does, with all that brings its inputs to the scale it learned with."""

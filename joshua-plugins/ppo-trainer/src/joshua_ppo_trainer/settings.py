@@ -111,12 +111,6 @@ class TrainerSettings(BlockSettings):
                 allowed=_nearest(self.algorithm),
                 remedy=f'write algorithm: "{_nearest(self.algorithm)[0]}"',
             )
-        if self.algorithm == "SAC" and self.resume_run:
-            raise FieldError(
-                "rl_config.resume_run",
-                "A run of SAC cannot be continued, because its checkpoints hold no replay buffer",
-                remedy="remove it, or train with PPO",
-            )
         if self.environment_id or self.n_steps:
             self.suitable(self.environment_id).check_batch()
         return self

@@ -84,9 +84,22 @@ class RunFolder:
         """What ``run.json`` says. Raises RunError."""
         return _json(self.path / "run.json")
 
+    def write(self, name: str, content: bytes) -> Path:
+        """Writes a file at once.
+
+        Raises:
+            RunError: the disk does not take it.
+        """
+        path = self.path / name
+        try:
+            _durable(path, content)
+        except OSError as error:
+            raise RunError(f"{path} cannot be written: {error.strerror}: make room") from error
+        return path
+
     def write_json(self, name: str, content: Mapping[str, Any]) -> None:
-        """Writes a file at once."""
-        _durable(self.path / name, json.dumps(content, indent=2, sort_keys=True).encode() + b"\n")
+        """Writes a file at once. Raises RunError."""
+        self.write(name, json.dumps(content, indent=2, sort_keys=True).encode() + b"\n")
 
     def add_metrics(self, row: Mapping[str, Any]) -> None:
         """Appends a line to ``metrics.jsonl``."""
