@@ -17,6 +17,7 @@ pytest.importorskip("lerobot", reason="needs the environment of the session lear
 
 from hub_server import TOKEN, HubServer
 from joshua.features import DatasetLayout, Feature, FeatureSet, Frame
+from joshua_dataset.checking import check
 from joshua_dataset.commands.dataset import description
 from joshua_dataset.reader import Dataset
 from joshua_dataset.writer import LeRobotWriter
@@ -123,6 +124,21 @@ def test_our_tools_read_lerobots(tmp_path: Path) -> None:
         assert len(pictures) == episode.length
         assert max(np.abs(seen.astype(int) - picture(i)).mean() for i, seen in enumerate(pictures)) < 6
     assert f"3 episodes, {sum(LENGTHS)} frames" in description(tmp_path / "theirs")
+    assert [str(problem) for problem in check(tmp_path / "theirs", workers=1) if problem.serious] == []
+
+
+def test_lerobots_tools_split_and_merge_ours(tmp_path: Path) -> None:
+    from lerobot.datasets.dataset_tools import delete_episodes, merge_datasets, split_dataset
+
+    ours(tmp_path / "set")
+    loaded = lerobot_dataset()("me/set", root=tmp_path / "set")
+    parts = split_dataset(loaded, {"some": [0, 1], "rest": [2]}, tmp_path / "parts")
+    assert [len(parts[name]) for name in ("some", "rest")] == [42, 20]
+    whole = merge_datasets(list(parts.values()), "me/whole", tmp_path / "whole")
+    assert whole[41]["action"].tolist() == [11.5, -1.0]
+    left = delete_episodes(loaded, [0], tmp_path / "left", "me/left")
+    assert left[0]["action"].tolist() == [0.5, -1.0]
+    assert [str(problem) for problem in check(tmp_path / "left", workers=1) if problem.serious] == []
 
 
 def test_act_trains_a_step_on_ours(tmp_path: Path) -> None:

@@ -92,9 +92,14 @@ def jump(number: int, values: dict[str, Any]) -> None:
         values["observation.state"] = [3.0, 0.0]
 
 
+def slow_camera(number: int, values: dict[str, Any]) -> None:
+    values[TOP] = np.full((32, 32, 3), 4 * (number // 2 * 2), np.uint8)
+
+
 @pytest.mark.parametrize(
     ("edit", "expected"),
     [
+        (slow_camera, f"warning: episode 0: {TOP}: 30 of 60 pictures repeat the one before"),
         (frozen, f"warning: episode 0: {TOP}: frozen for 0.9 s from 1.0 s on"),
         (jump, "warning: episode 0: observation.state: pan jumps by 3.27 rad between two frames"),
     ],
@@ -137,6 +142,39 @@ def test_metadata_that_disagree_are_found(tmp_path: Path) -> None:
     (found,) = [problem for problem in problems(tmp_path) if "stats.json" in problem]
     assert found.startswith("error: the max of action in meta/stats.json is [9, 9], and the data have [0.399")
     assert f"Run `joshua dataset stats --write {tmp_path}`" in found
+    rewrite(tmp_path / STATS, lambda stats: stats | {"action": stats["action"] | {"mean": [0.9, 0.0]}})
+    assert any("the mean of action in meta/stats.json is [0.9, 0]" in text for text in problems(tmp_path))
+    bytes_mean = {"mean": [[[118.0]]] * 3}  # of pictures from 0 to 255
+    rewrite(tmp_path / STATS, lambda stats: stats | {TOP: stats[TOP] | bytes_mean})
+    assert any(
+        f"the mean of {TOP} in meta/stats.json is [118, 118, 118]" in text for text in problems(tmp_path)
+    )
+
+
+def test_joints_beyond_their_calibrated_range_are_found(tmp_path: Path) -> None:
+    swing(tmp_path)
+    identity = {"calibration of observation.state": "pan:-0.3000:0.5000 lift:-0.3000:0.3000"}
+    rewrite(tmp_path / INFO, lambda info: info | {"joshua": info["joshua"] | {"identity": identity}})
+    (found,) = problems(tmp_path)
+    assert found == (
+        "warning: episode 0: observation.state: pan moves from -0.40 to 0.40 rad, outside its calibrated "
+        "range of -0.30 to 0.50"
+    )
+
+
+def test_a_camera_slower_than_the_frames_is_found(tmp_path: Path) -> None:
+    described = Feature("acquisition_ns", "int64", (1,), (TOP,), "ns")
+    features = FeatureSet([Feature.picture(TOP, 32, 32), described])
+    with contextlib.closing(LeRobotWriter(DatasetLayout(tmp_path, "arm", FPS, features))) as writer:
+        writer.open()
+        for number in range(40):  # the same picture of a scene at rest is no repetition
+            at_ns = 1_000_000_000 + 50_000_000 * number
+            acquired_ns = at_ns if number < 30 else at_ns // 100_000_000 * 100_000_000
+            values: dict[str, Any] = {TOP: np.full((32, 32, 3), number // 4, np.uint8)}
+            values["acquisition_ns"] = [acquired_ns]
+            writer.add_frame(Frame(at_ns, values))
+        writer.end_episode("rest")
+    assert problems(tmp_path) == [f"warning: episode 0: {TOP}: 5 of 40 pictures repeat the one before"]
 
 
 def test_missing_and_torn_videos_are_found(tmp_path: Path) -> None:
@@ -273,6 +311,8 @@ def test_v21_is_read_and_converted(tmp_path: Path) -> None:
     as_v21(tmp_path / "a")
     assert Dataset.read(tmp_path / "a").version == "v2.1"
     assert values_of(tmp_path / "a") == before
+    (tmp_path / "a" / STATS).unlink()  # this layout keeps statistics by episode
+    assert problems(tmp_path / "a") == []
     build([Source(tmp_path / "a")], tmp_path / "new", workers=1)
     assert Dataset.read(tmp_path / "new").version == "v3.0"
     assert values_of(tmp_path / "new") == before

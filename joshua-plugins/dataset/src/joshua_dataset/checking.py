@@ -11,16 +11,26 @@ import numpy as np
 import numpy.typing as npt
 from joshua.features import ACTION, STATE, Feature
 
+from joshua_dataset.as_messages import units_of
 from joshua_dataset.from_messages import problems
 from joshua_dataset.jobs import in_order
-from joshua_dataset.metadata import MESSAGES, STAMP
+from joshua_dataset.metadata import ACQUISITION, MESSAGES, STAMP
 from joshua_dataset.reader import Dataset, DatasetError, Episode
 
 #: A picture that does not change for so long counts as frozen.
 FROZEN_S = 0.5
 
+#: Share of pictures that repeat the one before, from which on it is said.
+LARGEST_REPEATED = 0.02
+
+#: How far the mean of pictures in the statistics, which are made of some of them, may be from the data.
+PICTURE_MEAN = 0.1
+
 #: Step of a joint between two frames that counts as a jump at 30 Hz, by unit.
 LARGEST_STEP = {"rad": 0.5, "deg": 30.0, "lerobot": 25.0}
+
+#: Share of its range by which a joint may leave it: noise.
+MARGIN = 0.05
 
 #: Values beyond these are outside the calibrated range by more than noise.
 LIMITS = {"lerobot": 105.0}
@@ -47,6 +57,33 @@ class Problem:
         return f"{'error' if self.serious else 'warning'}: {where}{self.text}"
 
 
+@dataclass(frozen=True)
+class Extent:
+    """The extent of some values of a feature.
+
+    Attributes:
+        low, high: of each of its numbers, None for pictures; total: their sum; count: how many.
+    """
+
+    low: Any
+    high: Any
+    total: Any
+    count: int
+
+    @classmethod
+    def of(cls, rows: npt.NDArray[Any]) -> Extent:
+        """Of the rows of a table, (N, D)."""
+        values = rows.reshape(len(rows), -1).astype(np.float64)
+        return cls(values.min(axis=0), values.max(axis=0), values.sum(axis=0), len(values))
+
+    def joined(self, other: Extent) -> Extent:
+        """Of both."""
+        total, count = self.total + other.total, self.count + other.count
+        if self.low is None:
+            return Extent(None, None, total, count)
+        return Extent(np.minimum(self.low, other.low), np.maximum(self.high, other.high), total, count)
+
+
 def check(folder: Path, *, pictures: bool = True, workers: int | None = None) -> Iterator[Problem]:
     """Find the problems of a data set, episode by episode.
 
@@ -59,13 +96,12 @@ def check(folder: Path, *, pictures: bool = True, workers: int | None = None) ->
     dataset = Dataset.read(folder)
     items = ((folder, episode, pictures) for episode in dataset.episode_list())
     episodes = frames = 0
-    ends: dict[str, tuple[Any, Any]] = {}
+    ends: dict[str, Extent] = {}
     for length, found, parts in in_order(_of_episode, items, workers):
         yield from found
         episodes, frames = episodes + 1, frames + length
-        for key, (low, high) in parts.items():
-            before = ends.get(key, (low, high))
-            ends[key] = (np.minimum(before[0], low), np.maximum(before[1], high))
+        for key, part in parts.items():
+            ends[key] = ends[key].joined(part) if key in ends else part
     if episodes != dataset.episodes:
         yield Problem(
             -1, f"meta/info.json counts {dataset.episodes} episodes, and meta/episodes has {episodes}"
@@ -76,31 +112,41 @@ def check(folder: Path, *, pictures: bool = True, workers: int | None = None) ->
         yield from _statistics(dataset, ends)
 
 
-def _statistics(dataset: Dataset, ends: Mapping[str, tuple[Any, Any]]) -> Iterator[Problem]:
+def _statistics(dataset: Dataset, ends: Mapping[str, Extent]) -> Iterator[Problem]:
     try:
         there = dataset.statistics()
     except DatasetError as error:
         yield Problem(-1, str(error))
         return
-    for key, (low, high) in ends.items():
+    for key, extent in ends.items():
         known = there.get(key)
         if known is None:
             yield Problem(-1, f"meta/stats.json has nothing of {key}")
             continue
-        for name, expected in (("min", low), ("max", high)):
+        near = {"min": 1e-4, "max": 1e-4, "mean": PICTURE_MEAN}
+        expected_by_name = {"min": extent.low, "max": extent.high, "mean": extent.total / extent.count}
+        if extent.low is None:
+            del expected_by_name["min"], expected_by_name["max"]
+        elif dataset.features[key].unit == "ns":
+            del expected_by_name["mean"]  # of times, which is lost in rounding
+        else:
+            near["mean"] = 1e-4 + 1e-3 * float(np.max(extent.high - extent.low))
+        for name, expected in expected_by_name.items():
             found = np.asarray(known.get(name, np.nan), np.float64)
-            if found.shape != expected.shape or not np.allclose(found, expected, rtol=1e-3, atol=1e-4):
+            found = found.ravel() if extent.low is None else found
+            if found.shape != expected.shape or not np.allclose(found, expected, rtol=1e-3, atol=near[name]):
                 yield Problem(
                     -1,
                     f"the {name} of {key} in meta/stats.json is {_short(found)}, "
                     f"and the data have {_short(expected)}. "
                     f"Run `joshua dataset stats --write {dataset.folder}`",
+                    serious=extent.low is not None,
                 )
 
 
 def _of_episode(
     item: tuple[Path, Episode, bool],
-) -> tuple[int, list[Problem], dict[str, tuple[Any, Any]]]:
+) -> tuple[int, list[Problem], dict[str, Extent]]:
     folder, episode, pictures = item
     dataset = Dataset.read(folder)
     if dataset.pictures == MESSAGES:
@@ -110,19 +156,25 @@ def _of_episode(
     except DatasetError as error:
         return episode.length, [Problem(episode.index, str(error))], {}
     found = [Problem(episode.index, text, serious) for text, serious in _numbers(dataset, episode, columns)]
-    if pictures:
-        for feature in dataset.features.pictures:
-            texts = _pictures(dataset, episode, feature.key)
-            found += [Problem(episode.index, f"{feature.key}: {text}", serious) for text, serious in texts]
-    ends = {
-        feature.key: (
-            columns[feature.key].reshape(len(columns[feature.key]), -1).min(axis=0).astype(np.float64),
-            columns[feature.key].reshape(len(columns[feature.key]), -1).max(axis=0).astype(np.float64),
-        )
+    extents = {
+        feature.key: Extent.of(columns[feature.key])
         for feature in dataset.features.numbers
         if len(columns[feature.key])
     }
-    return episode.length, found, ends
+    for feature in dataset.features.pictures if pictures else ():
+        seen = _Seen()
+        texts = _pictures(dataset, episode, feature.key, seen)
+        found += [Problem(episode.index, f"{feature.key}: {text}", serious) for text, serious in texts]
+        if seen.count:
+            extents[feature.key] = Extent(None, None, seen.total / 255, seen.count)
+    return episode.length, found, extents
+
+
+class _Seen:
+    """Sum of the mean colours of some pictures."""
+
+    count = 0
+    total: Any = 0.0
 
 
 def _numbers(
@@ -155,6 +207,7 @@ def _numbers(
         elif feature.unit in LARGEST_STEP:
             yield from _joints(dataset, feature, values)
     yield from _followed(dataset, columns)
+    yield from _repeated(dataset, columns)
 
 
 def _joints(dataset: Dataset, feature: Feature, values: npt.NDArray[Any]) -> Iterator[tuple[str, bool]]:
@@ -170,6 +223,20 @@ def _joints(dataset: Dataset, feature: Feature, values: npt.NDArray[Any]) -> Ite
         for name, value in zip(names, beyond, strict=True):
             if value > LIMITS[feature.unit]:
                 yield f"{feature.key}: {name} reaches {value:.0f}, outside its calibrated range", False
+    units = units_of(dataset.identity, feature.key)
+    if feature.unit not in LIMITS and units is not None and len(units.joints) == values.shape[1]:
+        in_rad = np.radians(values) if feature.unit == "deg" else values
+        for number, joint in enumerate(units.joints):
+            margin = MARGIN * (joint.max_rad - joint.min_rad)
+            low, high = float(in_rad[:, number].min()), float(in_rad[:, number].max())
+            if low < joint.min_rad - margin or high > joint.max_rad + margin:
+                yield (
+                    (
+                        f"{feature.key}: {joint.name} moves from {low:.2f} to {high:.2f} rad, outside its "
+                        f"calibrated range of {joint.min_rad:.2f} to {joint.max_rad:.2f}"
+                    ),
+                    False,
+                )
 
 
 def _followed(dataset: Dataset, columns: Mapping[str, npt.NDArray[Any]]) -> Iterator[tuple[str, bool]]:
@@ -187,19 +254,36 @@ def _followed(dataset: Dataset, columns: Mapping[str, npt.NDArray[Any]]) -> Iter
                 yield f"{key}: {name} moves by {one:.2f} {action.unit}, and {state} by {two:.2f}", True
 
 
-def _pictures(dataset: Dataset, episode: Episode, key: str) -> Iterator[tuple[str, bool]]:
-    count = run = longest = began = at = 0
+def _repeated(dataset: Dataset, columns: Mapping[str, npt.NDArray[Any]]) -> Iterator[tuple[str, bool]]:
+    """Pictures that stand in two frames: their camera is slower than the frames."""
+    for number, key in enumerate(dataset.features[ACQUISITION].names if ACQUISITION in columns else ()):
+        if key in dataset.features and dataset.features[key].is_picture:
+            steps = np.diff(columns[ACQUISITION][:, number])
+            yield from _repetitions(key, int(np.sum(steps == 0)), len(steps) + 1)
+
+
+def _repetitions(what: str, count: int, frames: int) -> Iterator[tuple[str, bool]]:
+    if count > LARGEST_REPEATED * frames:
+        yield f"{what}: {count} of {frames} pictures repeat the one before", False
+
+
+def _pictures(dataset: Dataset, episode: Episode, key: str, seen: _Seen) -> Iterator[tuple[str, bool]]:
+    count = run = longest = began = at = repeated = 0
     before: Any = None
+    whole: Any = None
     try:
         for picture in dataset.decoded(episode, key):
             thinned = picture[::8, ::8]
             same = before is not None and np.array_equal(thinned, before)
+            repeated += same and np.array_equal(picture, whole)
             run = run + 1 if same else 0
             if run > longest:
                 longest, at = run, began
             began = began if same else count
-            before = thinned.copy()
+            before, whole = thinned.copy(), picture
+            seen.total = seen.total + thinned.reshape(-1, 3).mean(axis=0)
             count += 1
+            seen.count = count
     except DatasetError as error:
         yield f"picture {count} cannot be decoded: {error}", True
         return
@@ -209,6 +293,10 @@ def _pictures(dataset: Dataset, episode: Episode, key: str) -> Iterator[tuple[st
         yield f"frozen for {longest / dataset.fps:.1f} s from {at / dataset.fps:.1f} s on", False
     elif count > 1 and longest + 1 == count and count / dataset.fps >= FROZEN_S:
         yield "every picture is the same", False
+    elif ACQUISITION not in dataset.features:  # which tells it exactly
+        yield from (
+            (text.partition(": ")[2], serious) for text, serious in _repetitions(key, repeated, count)
+        )
 
 
 def _short(values: npt.NDArray[Any]) -> str:

@@ -143,10 +143,21 @@ class Dataset:
     def statistics(self) -> dict[str, Statistics]:
         """Statistics of the whole data set, by feature. Raises DatasetError."""
         try:
+            if self.version == "v2.1" and not (self.folder / STATS).exists():
+                return self._merged_statistics()
             record = _json(self.folder / STATS, self.folder)
             return {str(key): statistics.from_json(values) for key, values in record.items()}
-        except (AttributeError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
             raise DatasetError(f"{self.folder / STATS} is not valid: {error}") from error
+
+    def _merged_statistics(self) -> dict[str, Statistics]:
+        """Those of a layout that keeps them by episode alone."""
+        found: dict[str, Statistics] = {}
+        for episode in self.episode_list():
+            for key, record in episode.statistics.items():
+                part = statistics.from_json(record)
+                found[key] = statistics.merged([found[key], part]) if key in found else part
+        return found
 
     def episode_list(self, wanted: set[int] | None = None) -> Iterator[Episode]:
         """The episodes that the data set counts, in order. Raises DatasetError.
