@@ -150,7 +150,7 @@ def test_every_setting_takes_effect(learner: Callable[..., Learner]) -> None:
     assert not differ(base, learned(picture_cache_mb=0, workers=3))
     for changed in CHANGES:
         assert differ(base, learned(**changed)), changed
-    assert learner(num_epochs=5).total == 20  # 20 frames of two episodes, 6 at a time
+    assert learner(num_epochs=5).total == 20  # 21 frames of two episodes, 6 at a time
     assert learner(max_steps=7, num_epochs=5).total == 7
     assert learner(actions_per_chunk=3).parts.config.n_action_steps == 3
 
@@ -360,3 +360,24 @@ def test_a_data_set_that_cannot_be_used_is_named(recording: Path, tmp_path: Path
     (copy / "meta" / "stats.json").write_text(json.dumps(stats))
     with pytest.raises(RunError, match=r"has no statistics of action: run `joshua dataset stats .* --write`"):
         build(settings(copy))
+
+
+def test_adapters_of_smolvla_are_merged_into_its_checkpoint(
+    learner: Callable[..., Learner], tmp_path: Path
+) -> None:
+    pytest.importorskip("peft")
+    tiny_policies.make_smolvla(tmp_path / "base")
+    fields: dict[str, Any] = {**DIFFUSION, "hidden_size": None, "chunk_size": None, "policy_type": "smolvla"}
+    fields |= {"pretrained": str(tmp_path / "base"), "lora_rank": 4, "validation_share": 0.0, "max_steps": 4}
+    whole = learner(**fields)
+    few = sum(weight.numel() for weight in whole.parts.policy.parameters() if weight.requires_grad)
+    assert few < 0.2 * sum(weight.numel() for weight in whole.parts.policy.parameters())
+    expected = rows(whole)
+    first = learner(**fields)
+    begun = rows(first, 2)
+    kept = first.save()
+    assert begun + rows(learner(kept, **fields)) == expected
+    names = set(load_file(kept / POLICY / "model.safetensors"))
+    assert names == set(load_file(tmp_path / "base" / "model.safetensors"))
+    assert not any("lora" in name for name in names)
+    assert json.loads((kept / POLICY / "config.json").read_text())["use_peft"] is False
