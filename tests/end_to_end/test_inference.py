@@ -120,8 +120,9 @@ def test_a_model_waits_for_its_task_acts_and_pauses(joshua: JoshuaProgram, tmp_p
     [
         ("nan", "/policy: failed: ToyPolicy.act returned a value that is not finite"),
         ("hang", "/policy: failed: the model has returned no chunk for 1 s. Give it a faster device"),
+        ("die", "/policy: failed: its process ended with exit status 9"),
     ],
-    ids=["nan", "hang"],
+    ids=["nan", "hang", "die"],
 )
 def test_a_model_that_fails_says_so_and_the_arm_holds(
     joshua: JoshuaProgram, tmp_path: Path, fault: str, said: str

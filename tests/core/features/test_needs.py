@@ -122,3 +122,14 @@ def test_two_arms_with_the_same_names_are_not_permuted():
     twice = [*JOINTS, *JOINTS]
     needs = ModelNeeds(action=Feature.joints("action", ("gripper", "gripper", "pan", "pan")))
     assert as_trained(needs, ROBOT, twice) == (ROBOT, tuple(twice))
+
+
+def test_one_state_for_two_arms_is_refused_by_its_reason():
+    arms = [Feature.joints(f"observation.state.{side}_arm", ("pan",)) for side in ("left", "right")]
+    needs = ModelNeeds(features=(Feature("observation.state", "float32", (2,)),), source="c.json")
+    assert found(needs, features=FeatureSet(arms)) == [
+        (
+            "The model has one observation.state for all arms (c.json), and it commands left_arm, right_arm",
+            "Run one model for each arm: several arms as one state are not supported",
+        )
+    ]

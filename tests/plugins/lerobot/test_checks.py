@@ -15,6 +15,7 @@ from joshua.plan import Severity
 from joshua.planner.pipeline import examine
 from joshua.planner.request import Purpose, Request
 from joshua.tools import ExitCode, check, plan, render_text
+from joshua_lerobot.settings import environment
 
 
 def findings(path: Path) -> list[tuple[str, str, str]]:
@@ -355,3 +356,9 @@ def test_show_names_what_has_no_statistics(weights: Path, capsys):
     write_tensors(state, {})
     assert main(["policy", "show", str(weights)]) == 0
     assert "no statistics of observation.state, action: fine-tune it" in capsys.readouterr().out
+
+
+def test_outside_of_a_clone_the_extra_needs_a_python_that_it_resolves_on(monkeypatch: pytest.MonkeyPatch):
+    command = "pip install 'joshua-lerobot[policies]'"
+    monkeypatch.setattr("joshua_lerobot.settings.install", lambda *_: command)
+    assert environment().startswith(f"Make an environment of Python 3.12 that has it: {command} (PyTorch")

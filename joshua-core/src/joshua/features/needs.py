@@ -86,6 +86,12 @@ def _features(needed: Sequence[Feature], given: FeatureSet, source: str) -> Iter
         same = [f for f in given.values() if f.is_picture is feature.is_picture]
         free = [_short(f.key) for f in same if f.key not in wanted]
         has = ", ".join(f.key for f in same) or "none"
+        parts = [f for f in same if f.key.startswith(f"{feature.key}.")]
+        if len(parts) > 1:
+            arms = ", ".join(f.key.removeprefix(f"{feature.key}.") for f in parts)
+            message = f"The model has one {feature.key} for all arms{source}, and it commands {arms}"
+            yield Unmet(message, "Run one model for each arm: several arms as one state are not supported")
+            continue
         message = f"The model needs {feature.key}{source}; the robot provides {has}"
         if free:
             remedy = f'Add rename {{ robot: "{free[0]}" model: "{_short(feature.key)}" }} to the model'

@@ -74,9 +74,10 @@ def environment() -> str:
     command = install("joshua-lerobot", "policies")
     root, in_clone, _ = command.partition("run --with")
     command = f"{root}tools/policies.sh policies" if in_clone else command
+    version = "" if in_clone else " of Python 3.12"  # the first on which the extra resolves
     return (
-        f"Make an environment that has it: {command} (PyTorch and LeRobot, 1 to 9 GB). Name its interpreter "
-        'in the node of the model: python: "policies/bin/python"'
+        f"Make an environment{version} that has it: {command} (PyTorch and LeRobot, 1 to 9 GB). Name its "
+        'interpreter in the node of the model: python: "policies/bin/python"'
     )
 
 
