@@ -112,15 +112,16 @@ class InferenceLoop:
                 self._single = False  # carried out
             chunk, border = self._strategy.chunk, False
             if due is not None and chunk is not None:
+                begins = chunk is not self._playing
                 border = self._is_border(step, due, chunk)
                 self._keeper.age.add(now_ns - chunk.stamp_ns)
+                if begins:
+                    self._keeper.reaction.add(now_ns - chunk.stamp_ns)
             action = self._output.next(due, border=border, keep=keep)
             if action is not None:
                 self._before.append(action)
             self._begun = (self._begun or due is not None) and runs
-            counts = self._begun and not self.paused
-            self._keeper.periods += counts
-            self._keeper.gaps += counts and due is None
+            self._keeper.period(now_ns, counts=self._begun and not self.paused, gap=due is None)
             if runs and self._wants():
                 self._wanted.set()
         return action

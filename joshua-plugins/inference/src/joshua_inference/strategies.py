@@ -107,9 +107,9 @@ class RealTimeChunking(Strategy):
         if chunk is None or chunk.at(first) is None:
             return None
         planned = chunk.actions[first - chunk.first :].copy()
-        overlap = execution.execution_horizon or max(1, len(chunk.actions) // 2)
         fixed = min(delay, len(planned))
-        overlap = min(max(overlap, fixed), len(planned))
+        # by default all that the observation leaves of the plan: H - s of the paper, s as it was carried out
+        overlap = min(max(execution.execution_horizon or len(planned), fixed), len(planned))
         schedule = execution.guidance_schedule.removeprefix("GUIDANCE_").lower()
         return ChunkRequest(planned, fixed, overlap, execution.max_guidance_weight, schedule)
 
