@@ -79,7 +79,7 @@ print(repr(prefer_this_process()), os.sched_getscheduler(0), os.getpriority(0, 0
         ({"RTPRIO": 0, "NICE": 40}, "nice -10", 0, -10),
     ],
 )
-def test_a_granted_priority_counts_for_every_thread(limits, granted, policy, nice):
+def test_a_granted_priority_counts_for_every_thread_that_does_not_stand_lower(limits, granted, policy, nice):
     program = f"""
 import os, resource, threading
 from joshua.ipc.process_attributes import prefer_this_process
@@ -87,14 +87,16 @@ limits = {{getattr(resource, "RLIMIT_" + name): value for name, value in {limits
 real = resource.getrlimit
 resource.getrlimit = lambda which: (limits[which], limits[which]) if which in limits else real(which)
 end = threading.Event()
-thread = threading.Thread(target=end.wait)
+thread, lower = (threading.Thread(target=end.wait) for _ in range(2))
 thread.start()
+lower.start()
+os.setpriority(os.PRIO_PROCESS, lower.native_id, 5)
 print(prefer_this_process() or "refused", sep="")
-for number in (threading.get_native_id(), thread.native_id):
+for number in (threading.get_native_id(), thread.native_id, lower.native_id):
     print(os.sched_getscheduler(number), os.getpriority(os.PRIO_PROCESS, number))
 end.set()
 """
     shown = " ".join(run(program))
     if shown.startswith("refused"):
         pytest.skip("this user may not raise a priority")
-    assert shown == f"{granted} " + " ".join([f"{policy} {nice}"] * 2)
+    assert shown == f"{granted} " + " ".join([f"{policy} {nice}"] * 2 + ["0 5"])

@@ -56,10 +56,11 @@ def set_child_subreaper(enabled: bool) -> bool:
 
 
 def prefer_this_process(realtime: int = 1) -> str:
-    """Raises the priority of all threads of this process as far as the system's limits grant it to this user.
+    """Raises the priority of the threads of this process as far as the system's limits grant it to this user.
 
     All threads, because a thread that waits for a processor may hold the interpreter lock that the control
-    loop needs. ``RLIMIT_RTPRIO`` grants SCHED_RR, ``RLIMIT_NICE`` a nice value below 0. Privileges of root do
+    loop needs; but those that stand lower than the present one compute, and stay where they are.
+    ``RLIMIT_RTPRIO`` grants SCHED_RR, ``RLIMIT_NICE`` a nice value below 0. Privileges of root do
     not count as a grant. Processes and threads started later inherit it. SCHED_RR shares a processor between
     equals: with SCHED_FIFO, an endless loop in a driver could starve its guardian.
 
@@ -75,8 +76,11 @@ def prefer_this_process(realtime: int = 1) -> str:
     realtime_granted = rtprio == resource.RLIM_INFINITY or rtprio >= realtime
     if not realtime_granted and lowest >= 0:
         return ""
+    present = os.getpriority(os.PRIO_PROCESS, 0)
     for name in os.listdir("/proc/self/task"):  # noqa: PTH208 (names are all it needs)
         try:
+            if os.getpriority(os.PRIO_PROCESS, int(name)) > present:
+                continue
             if realtime_granted:
                 os.sched_setscheduler(int(name), os.SCHED_RR, os.sched_param(realtime))
             else:

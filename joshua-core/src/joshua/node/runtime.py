@@ -22,7 +22,7 @@ from joshua.node.extensions import ExtendedNode, extend
 from joshua.node.implementation import load_behaviour
 from joshua.node.logs import NodeLogHandler, RosoutPublisher, node_logger
 from joshua.node.verbs import Caller, verbs_of
-from joshua.plan import ActuatorFacts, CheckResult, JointTrace, NodeReport, NodeSpec, installing
+from joshua.plan import ActuatorFacts, CheckResult, JointTrace, ModelFacts, NodeReport, NodeSpec, installing
 from joshua.transport import Transport
 
 #: Interval of messages with running totals.
@@ -172,8 +172,12 @@ class NodeRuntime:
         self._behaviour.activate()
         self._serves_calls = True  # from the moment when the supervisor may forward one
         set_timer_slack(TIMER_SLACK_NS)
-        if self._controls_a_device():
-            text = f"{prefer_this_process() or 'normal'}, {'memory locked' if lock_memory() else ''}"
+        is_model = isinstance(
+            self._spec.facts, ModelFacts
+        )  # its weights are too large to be locked in memory
+        if self._controls_a_device() or is_model:
+            locked = not is_model and lock_memory()
+            text = f"{prefer_this_process() or 'normal'}, {'memory locked' if locked else ''}"
             self._services.send(Said(kind="priority", node=self._spec.full_name, text=text.rstrip(", ")))
         self._enter("active")
         self._loop()

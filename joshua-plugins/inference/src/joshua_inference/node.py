@@ -44,6 +44,7 @@ from joshua.messages.make import joint_state
 from joshua_inference.figures import InferenceFigures
 from joshua_inference.loop import InferenceLoop
 from joshua_inference.observer import Observer, UnfitMessageError
+from joshua_inference.priority import stand_back, threads_stand_back
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
@@ -65,8 +66,7 @@ HANG_MARGIN_S = 5.0
 #: Characters of a task, which anybody in the graph may give.
 TASK_MAX = 2000
 
-#: Lower priority of the model than of the timer, and the longest time that it keeps the interpreter, seconds.
-_NICER = 10
+#: Longest time that a thread keeps the interpreter while another waits for it, seconds.
 _SWITCH_S = 0.001
 
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
@@ -102,6 +102,7 @@ class InferenceNode(NodeBehaviour):
         self._joints = joint_space(self._ranges)
         self._rate_hz = max((topic.rate_hz for topic in context.spec.publishers), default=0.0)
         self._acting = threading.Lock()
+        self._stands_back = threading.Event()
         self._loop = InferenceLoop(facts.execution, self._joints, 1 / (self._rate_hz or 1.0), context.now_ns)
         self._features = FeatureSet(facts.features)
         self._observer = Observer(
@@ -142,7 +143,8 @@ class InferenceNode(NodeBehaviour):
                     load_decoder()
                 except MessageError as error:
                     raise ModelError(f"{spec.full_name}: {error}") from error
-        self._model = self._loaded()
+        with threads_stand_back():
+            self._model = self._loaded()
         self._outputs = Outputs(map(self.context.publisher, spec.publishers), self._rate_hz)
         self._received = [
             self.context.subscribe(topic, partial(self._observer.add, topic.name))
@@ -163,7 +165,8 @@ class InferenceNode(NodeBehaviour):
         if self._model is not None:
             raise RefusedError(f"{name} has already loaded its model: unload it first")
         try:
-            model = self._loaded()
+            with threads_stand_back():
+                model = self._loaded()
         except Exception as error:  # a plugin's code; the node continues without a model
             kind = "" if isinstance(error, (NodeError, ModelError)) else f"{type(error).__name__}: "
             raise RefusedError(f"{name}: the model was not loaded: {kind}{error}") from error
@@ -258,6 +261,7 @@ class InferenceNode(NodeBehaviour):
         hang_after_s = self._facts.execution.chunk_timeout_s + HANG_MARGIN_S
         sys.setswitchinterval(_SWITCH_S)
         self.context.spawn_thread(self._infer, name="model", hang_after_s=hang_after_s)
+        self._stands_back.wait(WAIT_S)  # before this process gets the priority of a control loop
         self.context.create_timer(1 / self._rate_hz, self._play, name="actions")
 
     def deactivate(self) -> None:
@@ -287,10 +291,8 @@ class InferenceNode(NodeBehaviour):
 
     def _infer(self) -> None:
         """Runs the model until the stop; whatever it raises fails the node."""
-        if hasattr(os, "setpriority"):  # of this thread, and of those that the model starts
-            thread = threading.get_native_id()
-            nice = os.getpriority(os.PRIO_PROCESS, thread)
-            os.setpriority(os.PRIO_PROCESS, thread, min(19, nice + _NICER))
+        stand_back()
+        self._stands_back.set()
         while not self.context.stopping:
             if self._blocked():
                 time.sleep(BLOCKED_S)
