@@ -155,6 +155,17 @@ def test_a_policy_of_lerobot_is_checked_by_its_plugin(tmp_path: Path) -> None:
     assert "exported" in error.message
 
 
+def test_a_run_of_imitation_means_the_policy_of_its_newest_checkpoint(tmp_path: Path) -> None:
+    run = tmp_path / "act-20261122"
+    for steps in (100, 200):
+        write_checkpoint(run / "checkpoints" / f"step_{steps:012d}" / "pretrained_model")
+    (run / "run.json").write_text("{}")
+    newest = run / "checkpoints" / "step_000000000200"
+    for named in (run, newest, newest / "pretrained_model"):
+        (node,) = examine(Request(str(write_evaluation(tmp_path, named)))).plan.nodes
+        assert node.settings["candidates"][0]["path"] == str(newest / "pretrained_model")
+
+
 def test_the_block_of_a_model_plugin_is_typed_and_used(tmp_path: Path) -> None:
     write_checkpoint(tmp_path / "act")
     block = "plugin_config { [joshua/joshua.LeRobotPolicy] { actions_per_chunk: 5 } } compute { seed: 3 }"

@@ -106,7 +106,7 @@ def test_a_robot_is_not_trained_on_with_the_reason(tmp_path: Path) -> None:
     (error,) = (item for item in found if item.field_path == "ai.training.environment")
     assert error.message.startswith("Imitation learns from recorded episodes and moves no robot")
     assert error.allowed == ("ENV_SIMULATION",)
-    assert "METHOD_EVAL" in error.remedy
+    assert "MODE_INFERENCE" in error.remedy
 
 
 def test_several_problems_are_told_at_once(tmp_path: Path) -> None:

@@ -91,6 +91,19 @@ def test_the_list_fits_80_columns_and_puts_the_newest_last(
     assert max(map(len, lines)) <= 80
 
 
+def test_a_training_without_success_shows_its_loss(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "act").mkdir()
+    run = RunFolder(tmp_path / "act")
+    run.write_json("run.json", {"dataset": "cubes"})
+    run.add_metrics({"steps": 10, "loss/train": 0.5, "loss/l1": 0.4})
+    assert "loss 0.5" in command(capsys, "list", str(tmp_path))[1]
+    run.add_metrics({"steps": 20, "loss/train": 0.3, "loss/validation": 0.6})
+    assert "20  validation loss 0.6" in command(capsys, "list", str(tmp_path))[1]
+    assert "training of cubes" in command(capsys, "show", str(run.path))[1]
+
+
 def test_a_list_as_json_has_everything(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     training(tmp_path, LONG, success=0.75)
     _, out, _ = command(capsys, "list", str(tmp_path), "--format", "json")

@@ -79,9 +79,9 @@ def recognise(path: Path, given: str, block: str = "") -> Checkpoint | None:
         return _newest(path)
     if (path / CONFIG).is_file():
         return Checkpoint(str(path), ONNX if "onnx" in _json(path / CONFIG) else LEROBOT)
-    below = ("pretrained_model", "checkpoints/last/pretrained_model", "last/pretrained_model")
-    if any((path / name / CONFIG).is_file() for name in below):
-        return Checkpoint(str(path), LEROBOT)
+    inner = _below(path, "checkpoints/last/pretrained_model", "last/pretrained_model")
+    if inner is not None:
+        return Checkpoint(str(inner), LEROBOT)
     raise CheckpointError(
         f"{path} holds neither a run (run.json), nor a policy of a trainer ({ABOUT}), nor one of LeRobot "
         f"({CONFIG})",
@@ -94,11 +94,15 @@ def _newest(run: Path) -> Checkpoint:
     if not whole:
         raise CheckpointError(f"The run {run} has no checkpoint", "Let it train longer, or name another run")
     newest = whole[-1]
-    if not (newest / ABOUT).is_file():
-        for path in (newest, newest / "pretrained_model"):
-            if (path / CONFIG).is_file():
-                return Checkpoint(str(path), LEROBOT)
+    if not (newest / ABOUT).is_file() and (inner := _below(newest)) is not None:
+        return Checkpoint(str(inner), LEROBOT)
     return _policy(newest)
+
+
+def _below(folder: Path, *others: str) -> Path | None:
+    """Where the weights of a policy of LeRobot are: in the folder itself, or where trainings put them."""
+    places = (folder / name for name in ("", "pretrained_model", *others))
+    return next((place for place in places if (place / CONFIG).is_file()), None)
 
 
 def _policy(folder: Path) -> Checkpoint:

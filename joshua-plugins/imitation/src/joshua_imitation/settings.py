@@ -132,7 +132,7 @@ class ImitationSettings(BlockSettings):
                     "environment",
                     "Imitation learns from recorded episodes and moves no robot, so ENV_REAL has no effect",
                     allowed=("ENV_SIMULATION",),
-                    remedy="write ENV_SIMULATION, and evaluate the checkpoint on the robot with METHOD_EVAL",
+                    remedy="write ENV_SIMULATION, and run the checkpoint on the robot with MODE_INFERENCE",
                 ),
             )
         if len(found) == 1:

@@ -20,9 +20,9 @@ RESULTS, EVALUATION = "results.json", "evaluation"
 _FIGURES = (
     ("episode/success_rate", "success {:.2f}"),
     ("episode/return", "return {:.4g}"),
-    ("validation/loss", "validation loss {:.4g}"),
+    ("loss/validation", "validation loss {:.4g}"),
+    ("loss/train", "loss {:.4g}"),
     ("train/loss", "loss {:.4g}"),
-    ("loss", "loss {:.4g}"),
 )
 
 #: A run whose files changed within this time may still be written to.
