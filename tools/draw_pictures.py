@@ -77,6 +77,9 @@ TERMINALS = {
             f'PYTHONPATH={ROOT}/tests/support python -c "from pathlib import Path; import checkpoints as c; '
             "c.write_checkpoint(Path('act'), cameras={'top': (640, 480)}); "
             "c.write_robot(Path('robot.pbtxt'), 'act', cameras={'front': (640, 480)})\"",
+            # A model with an interpreter of its own: what this one lacks is no part of the picture.
+            "sed -i 's|node_id: 2|& python: \"policies/bin/python\"|' robot.pbtxt",
+            'mkdir -p policies/bin && ln -s "$(command -v python)" policies/bin/python',
         ),
     ),
     "encoders.svg": Terminal(
