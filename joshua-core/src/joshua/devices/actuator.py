@@ -116,7 +116,7 @@ class Actuator(Device):
 
     @abstractmethod
     def write(self, goal_rad: FloatArray) -> FloatArray:
-        """Commands positions, shape (N,); returns the goal written after clamp and rate limit.
+        """Commands positions, shape (N,). Returns the goal written after clamp and rate limit.
 
         Raises ValueError for a wrong shape or a value that is not finite.
         """

@@ -128,7 +128,7 @@ class Commanders:
                 )
 
     def release(self) -> str:
-        """Ends the override; returns the name of its node, "" if there is none.
+        """Ends the override. Returns the name of its node, "" if there is none.
 
         The next commander is approached slowly.
         """

@@ -25,7 +25,7 @@ def pad(position: int, alignment: int) -> bytes:
 
 
 def put_string(parts: list[bytes], position: int, text: str) -> int:
-    """Appends an aligned string; returns the position after it."""
+    """Appends an aligned string. Returns the position after it."""
     try:
         raw = text.encode()
     except UnicodeEncodeError as error:

@@ -204,7 +204,7 @@ class NodeHandle(ABC):
         Args:
             name: fully qualified name, such as ``/arm/stop``.
             type_name: ROS 2 type, such as ``std_srvs/srv/Trigger``.
-            serve: called with each serialised request, one at a time, on a thread of the node; returns the
+            serve: called with each serialised request, one at a time, on a thread of the node. Returns the
                 serialised response, or a future of it.
 
         Raises:

@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _read_words(arguments: argparse.Namespace) -> str:
-    """Find action, nodes of an exchange and file among the words; returns what is wrong with them."""
+    """Find action, nodes of an exchange and file among the words. Returns what is wrong with them."""
     words = list(arguments.words)
     arguments.action = words.pop(0) if words and words[0] in ACTIONS else ""
     arguments.items = [word for word in words if arguments.action and not word.endswith(".pbtxt")]

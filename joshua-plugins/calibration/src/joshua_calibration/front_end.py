@@ -1,4 +1,4 @@
-"""What the session gives to those who show it, and what they ask of it."""
+"""The interface between a session and its displays: the board, and requests."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from joshua_calibration.view import View
 
 
 class Ask(str, Enum):
-    """What a person can ask for."""
+    """Requests of a person."""
 
     CONFIRM = "confirm"
     BACK = "back"
@@ -21,14 +21,14 @@ class Ask(str, Enum):
 
 @dataclass(frozen=True)
 class Request:
-    """One thing that a person asks for; ``joint`` is the place of the joint to repeat."""
+    """A request of a person. ``joint`` is the index of the joint to repeat."""
 
     ask: Ask
     joint: int = -1
 
 
 class ArmState(str, Enum):
-    """Where one arm of the run is."""
+    """State of one arm of the run."""
 
     WAITING = "waiting"
     ACTIVE = "active"
@@ -63,17 +63,17 @@ class FrontEnd(ABC):
 
     @abstractmethod
     def requests(self) -> Sequence[Request]:
-        """What was asked for since the last call."""
+        """Requests since the last call."""
 
     @abstractmethod
     def say(self, text: str) -> None:
-        """Shows a line that stays."""
+        """Shows a permanent line."""
 
     @abstractmethod
     def close(self) -> None:
-        """Gives everything back. Idempotent."""
+        """Releases all resources. Idempotent."""
 
     @property
     @abstractmethod
     def can_ask(self) -> bool:
-        """Whether somebody can still ask for something here."""
+        """Whether requests are still possible here."""

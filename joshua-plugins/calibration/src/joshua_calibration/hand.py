@@ -1,4 +1,4 @@
-"""What a calibration asks of a hand, as paths over time: for devices that nobody can take by the hand."""
+"""The motions of a calibration as paths over time, for devices that no person can move."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Path = Callable[[float], float]  # seconds since the start to radians
 def hand_paths(
     joint: int | None, present: Sequence[float], ranges: Sequence[tuple[float, float]], seconds: float
 ) -> dict[int, Path]:
-    """What a calibration asks of a person, once: all joints to their middles, or one through its range.
+    """One motion of a calibration: all joints to their middles, or one through its range.
 
     Args:
         joint: the one that goes to its low stop, to its high stop and to its middle while the others stay

@@ -191,7 +191,7 @@ class Session:
             raise Unfinished(f"{arm.node_name}: {view.message or view.instruction}")
 
     def _guide(self, arm: Arm, view: View) -> float:
-        """Lets emulated or simulated joints move; returns how long that takes."""
+        """Lets emulated or simulated joints move. Returns how long that takes."""
         if arm.guide is None or view.step not in (Step.HOMING, Step.SWEEP):
             return 0.0
         seconds = MIDDLE_S if view.active is None else SWEEP_S

@@ -1,4 +1,4 @@
-"""What a calibration needs of an actuator: encoder positions without torque, and what its motors remember."""
+"""The interface of an actuator for a calibration: encoder positions without torque, and stored values."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class TargetMotor:
 
 @dataclass(frozen=True)
 class StoredMotor:
-    """What one motor keeps of a calibration, in ticks.
+    """The stored calibration values of one motor, in ticks.
 
     Attributes:
         homing_offset: what is subtracted from the encoder position.
@@ -48,11 +48,11 @@ class StoredMotor:
 
 
 class CalibrationTarget(ABC):
-    """The side of an actuator that a calibration works on; it never energises anything.
+    """The interface of an actuator for a calibration. It never enables torque.
 
     Order: ``connect`` → ``release`` → ``raw_positions``… → ``store`` for each motor → ``disconnect``.
-    ``motors`` is known without a connection. What is already in the device is touched by ``store`` alone,
-    so a calibration that ends before leaves the old one in force.
+    ``motors`` is known without a connection. Only ``store`` changes values in the device, so a calibration
+    that ends earlier leaves the old one valid.
     """
 
     @property
@@ -98,7 +98,7 @@ class CalibrationTarget(ABC):
 
     @abstractmethod
     def stored(self) -> tuple[StoredMotor, ...] | None:
-        """What the motors keep now, in joint order; None for a device that keeps nothing.
+        """The values stored in the motors, in joint order; None for a device that stores nothing.
 
         Raises DeviceError.
         """

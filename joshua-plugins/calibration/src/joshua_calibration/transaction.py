@@ -95,7 +95,7 @@ def write(
 
 
 def recover(target: CalibrationTarget, file: ArmFile, journal: Journal) -> Recovery:
-    """Brings servos and file together after a calibration that was interrupted while it was written.
+    """Makes servos and file agree after an interrupted write of a calibration.
 
     Raises:
         NotWritten: it was another arm's, or the servos do not take their values; the note stays.
@@ -132,7 +132,7 @@ def recover(target: CalibrationTarget, file: ArmFile, journal: Journal) -> Recov
 
 
 def values_of(calibration: ArmCalibration) -> dict[int, StoredMotor]:
-    """What the motors are to keep of a calibration, by id."""
+    """Values of a calibration for the motors, by id."""
     return {m.id: StoredMotor(m.homing_offset, m.range_min, m.range_max) for m in calibration.motors}
 
 

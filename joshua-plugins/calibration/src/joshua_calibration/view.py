@@ -1,4 +1,4 @@
-"""What a person is shown of a calibration: plain values, the same for the terminal and the page."""
+"""The view of a calibration for a person: plain values, the same for the terminal and the page."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Step(str, Enum):
 
 
 class JointState(str, Enum):
-    """Where one joint is."""
+    """State of one joint."""
 
     WAITING = "waiting"
     ACTIVE = "active"
@@ -51,7 +51,7 @@ class JointView:
 
 @dataclass(frozen=True)
 class View:
-    """All that a front end shows.
+    """Everything that a front end shows.
 
     Attributes:
         instruction: what to do now; message: what was refused or happened, "" for nothing.

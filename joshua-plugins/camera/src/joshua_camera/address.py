@@ -1,4 +1,4 @@
-"""Reaching a camera at an address, and saying why that fails."""
+"""Connects to a camera at an address, and explains failures."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _PICTURE_TYPES = ("multipart/x-mixed-replace", "image/", "video/", "application/
 
 
 def connect(source: CameraSource, endpoint: tuple[str, int], stop: threading.Event, timeout_s: float) -> None:
-    """Make sure that somebody listens at the camera's address.
+    """Check that a server listens at the camera's address.
 
     Args:
         endpoint: host and port.
@@ -31,7 +31,7 @@ def connect(source: CameraSource, endpoint: tuple[str, int], stop: threading.Eve
         timeout_s: longest wait for an answer.
 
     Raises:
-        DeviceError: nobody answers. The message says why and what to do.
+        DeviceError: no reply. The message says why and what to do.
     """
     host, port = endpoint
     try:
@@ -63,7 +63,7 @@ def connect(source: CameraSource, endpoint: tuple[str, int], stop: threading.Eve
 
 
 def explain(source: CameraSource, waited_s: float, timeout_s: float) -> DeviceError:
-    """Say why an address that answers is no camera, by asking it once more over HTTP."""
+    """Explain why a responding address is no camera, by another HTTP request."""
     if scheme(source.target) not in ("http", "https"):
         late = waited_s >= timeout_s
         reason = f"it sent nothing within {timeout_s:g} s" if late else "its reply could not be read"

@@ -1,6 +1,6 @@
 """Tells pictures that were taken just now from those that waited in a buffer.
 
-A network stream carries no acquisition time. When the reader or the network was held up, the buffers hold
+A network stream contains no acquisition time. When the reader or the network was stalled, the buffers hold
 old pictures, which then come without any wait; stamped with the time of their arrival they would lie.
 """
 

@@ -78,17 +78,17 @@ class OpenCvCamera(Sensor):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know about the settings, known once the camera was opened."""
+        """Warnings about the settings, known after the camera was opened."""
         return self._warnings
 
     @property
     def refused(self) -> tuple[str, ...]:
-        """Those of the warnings that are about settings which the camera does not keep."""
+        """Warnings about settings that the camera does not keep."""
         return self._refused
 
     @property
     def figures(self) -> Figures:
-        """Figures since the camera was opened last."""
+        """Figures since the camera was last opened."""
         return self._figures.figures()
 
     def connect(self) -> None:

@@ -66,7 +66,7 @@ class Intrinsics(BaseModel):
 
 
 def uncalibrated(width: int, height: int) -> Intrinsics:
-    """What CameraInfo says of a camera without calibration: the size, and zeros."""
+    """The CameraInfo of a camera without calibration: the size, and zeros."""
     return Intrinsics(
         width=width, height=height, camera=(0.0,) * 9, rectification=(0.0,) * 9, projection=(0.0,) * 12
     )

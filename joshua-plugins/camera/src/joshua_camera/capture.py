@@ -1,4 +1,4 @@
-"""One open camera behind OpenCV: what every kind of source has in common."""
+"""One open camera behind OpenCV: the base class of all kinds of sources."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from joshua_camera.source import CameraSource
 
 @dataclass(frozen=True)
 class Grab:
-    """One picture as it came.
+    """One unmodified picture.
 
     Attributes:
         began_ns, ended_ns: when the wait for it began and ended, monotonic clock.
@@ -41,7 +41,7 @@ class Grab:
 
 
 class Capture(ABC):
-    """A camera that is opened, asked for pictures and closed by one thread; ``interrupt`` is for any thread.
+    """A camera that one thread opens, reads and closes. ``interrupt`` is for any thread.
 
     Attributes:
         has_own_clock: whether pictures carry the device's acquisition time.
@@ -79,11 +79,11 @@ class Capture(ABC):
         return self._finish(Grab(began_ns, ended_ns, slept_ns, self._acquired_ns(ended_ns)))
 
     def exposure(self) -> str:
-        """The exposure in force, in words; "" if the camera does not say."""
+        """The present exposure in words; "" if the camera does not report it."""
         return ""
 
     def pixel_format(self) -> str:
-        """Four-character code of what comes from the camera; "" if it is not known."""
+        """Four-character code of the camera's pictures; "" if unknown."""
         return "JPEG" if self.delivers_jpeg else ""
 
     def close(self) -> None:

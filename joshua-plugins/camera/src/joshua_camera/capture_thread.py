@@ -23,7 +23,7 @@ JOIN_S = 1.0
 #: A clock that is set back by more than this cannot be made good by stamps that stand still.
 LARGEST_CLOCK_STEP_NS = 500_000_000
 
-_LOOK_S = 0.05  # how late a stop, or that the camera delivers nothing, may be noticed
+_LOOK_S = 0.05  # longest delay before a stop or a missing picture is noticed
 
 #: A reading of two clocks that takes longer was interrupted, and is made again.
 _CLOSE_NS = 1_000_000
@@ -109,7 +109,7 @@ class CaptureThread:
         )
 
     def take(self, timeout_s: float) -> Newest | None:
-        """Wait for a picture that was not taken yet; None when none came in time.
+        """Wait for a new picture; None if none arrives in time.
 
         Raises:
             DeviceDisconnected: the camera has ended or stalls.

@@ -23,7 +23,7 @@ _CONTROL_IDS = {
 
 @dataclass(frozen=True)
 class Applied:
-    """What became of one setting: what was asked for, and what is in force by the device's own word."""
+    """The result of one setting: the requested value, and the one that the device reports."""
 
     name: str
     asked: str

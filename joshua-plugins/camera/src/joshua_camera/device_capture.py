@@ -52,7 +52,7 @@ class DeviceCapture(Capture):
         return "" if sys.platform == "linux" and units <= 0 else exposure_text(units)
 
     def pixel_format(self) -> str:
-        """Four-character code of what comes from the device."""
+        """Four-character code of the device's pictures."""
         return v4l2.fourcc_text(int(self._video.get(self._cv2.CAP_PROP_FOURCC)))
 
     def _acquired_ns(self, ended_ns: int) -> int:

@@ -1,4 +1,4 @@
-"""What ``joshua doctor`` says of cameras: permissions, and the bandwidth that they share."""
+"""Checks of ``joshua doctor`` for cameras: permissions, and the bandwidth that they share."""
 
 from __future__ import annotations
 

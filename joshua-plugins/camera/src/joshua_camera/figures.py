@@ -1,4 +1,4 @@
-"""Figures of a running camera: what came, what was lost on the way and why, how fast and how late."""
+"""Figures of a running camera: received and lost pictures with the reason, rates and delays."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Figures:
 
     Attributes:
         fps: pictures per second over the last ten seconds or so; 0 for fewer than two.
-        received: pictures that came; delivered: those that were handed on.
-        dropped: those that a newer one replaced before anybody took them.
+        received: pictures from the camera; delivered: those that were published.
+        dropped: those that a newer one replaced before they were read.
         stale: those that had waited in a buffer; damaged: those that could not be decoded.
         latency_p50_s, latency_p99_s: from acquisition to hand-over, decoding included; 0 if none was.
         exposure: in force, in words; "" if the camera does not say.
@@ -63,7 +63,7 @@ class FigureKeeper:
         self._latencies_ns: deque[int] = deque(maxlen=_WINDOW)
 
     def arrived(self, now_ns: int) -> None:
-        """Count one picture that came, whatever becomes of it."""
+        """Count one received picture, whatever happens to it."""
         self.received += 1
         self._arrivals_ns.append(now_ns)
 

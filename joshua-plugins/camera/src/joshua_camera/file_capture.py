@@ -1,4 +1,4 @@
-"""A video file or numbered pictures in place of a camera, at the pace of the settings."""
+"""A video file or numbered pictures instead of a camera, at the rate of the settings."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class FileCapture(Capture):
         due_ns = self._start_ns + round(self._next * self._period_ns)
         if self._interrupted.wait(max(0, due_ns - began_ns) / _NS_PER_S):
             return None
-        late = int((time.monotonic_ns() - due_ns) / self._period_ns)  # whole periods: held up
+        late = int((time.monotonic_ns() - due_ns) / self._period_ns)  # whole periods: stalled
         self._next += 1 + max(0, late)
         if not self._video.grab() and not self._rewind():
             return None

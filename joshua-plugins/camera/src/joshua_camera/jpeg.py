@@ -17,7 +17,7 @@ _AFTER_SCAN = re.compile(rb"\xff[^\x00\xff\xd0-\xd7]")
 
 @dataclass(frozen=True)
 class JpegFacts:
-    """What a whole JPEG picture says about itself: its size in pixels, and its length in bytes."""
+    """Facts from a JPEG picture: its size in pixels, and its length in bytes."""
 
     width: int
     height: int

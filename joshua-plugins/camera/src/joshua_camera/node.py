@@ -47,7 +47,7 @@ class CameraNode(SensorNode):
         return self._sensor
 
     def configure(self) -> None:
-        """Open the camera, declares topics, and say what the camera does otherwise than asked."""
+        """Open the camera, declare topics, and report settings that the camera does not keep."""
         super().configure()
         for text in self.camera.warnings:
             self.context.warn(text)
@@ -129,7 +129,7 @@ def _rate(figures: Figures, wanted_hz: float) -> tuple[str, bool, str]:
     ran_ns = last_ns - first_ns - 1e9 * witness().missed_s(first_ns / 1e9, last_ns / 1e9)
     most_hz = figures.fps * (last_ns - first_ns) / ran_ns if ran_ns > 0 else figures.fps
     slow, fast = wanted_hz * (1 - RATE_TOLERANCE), wanted_hz * (1 + RATE_TOLERANCE)
-    passed = most_hz >= slow and figures.fps <= fast  # a machine that stood still is no fault of the camera
+    passed = most_hz >= slow and figures.fps <= fast  # a system stall is no fault of the camera
     hint = "" if passed else ": many cameras are slower in poor light and on shared USB hubs"
     return ("frame rate", passed, f"{figures.fps:.4g} Hz of {wanted_hz:g} Hz{hint}")
 

@@ -1,4 +1,4 @@
-"""A picture as the camera delivered it, and its other forms."""
+"""A picture of the camera, and its other forms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a camera's pictures come from, with the name that messages give it."""
+"""The source of a camera's pictures, with its name in messages."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class CameraSource:
 
     @property
     def live(self) -> bool:
-        """Whether pictures come at the camera's pace."""
+        """Whether the camera determines the rate of the pictures."""
         return self.kind in (SourceKind.DEVICE, SourceKind.ADDRESS)
 
     @property

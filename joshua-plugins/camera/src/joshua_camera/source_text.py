@@ -1,4 +1,4 @@
-"""What the text of a camera's source names: a device, a stream or files; nothing is opened to tell."""
+"""The kind of a camera's source, by its text: a device, a stream or files. Nothing is opened."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NUMBER_PATTERN = r"%0?\d*d"
 
 
 class SourceKind(Enum):
-    """What a source names."""
+    """Kind of a source."""
 
     DEVICE = "device"
     ADDRESS = "address"
@@ -25,7 +25,7 @@ class SourceKind(Enum):
 
 
 def source_kind(source: str) -> SourceKind:
-    """What a source names, by its spelling alone."""
+    """Return the kind of a source, by its spelling alone."""
     if re.match(_SCHEME, source):
         return SourceKind.ADDRESS
     if re.fullmatch(_BY_ID_NAME, source) or posixpath.normpath(source).startswith("/dev/"):

@@ -1,4 +1,4 @@
-"""A camera at an address: HTTP Motion JPEG, RTSP and what else FFmpeg reads."""
+"""A camera at an address: HTTP Motion JPEG, RTSP and everything else that FFmpeg reads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A look at every camera of this machine: what it is, what it offers, and a picture."""
+"""A survey of this machine's cameras: identity, modes, and a picture of each."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class FoundCamera:
 
 
 def survey(folder: Path | None = None, root: Path = Path("/")) -> list[FoundCamera]:
-    """Look at every camera.
+    """Survey every camera.
 
     Args:
         folder: where a picture of each is written; None takes none.

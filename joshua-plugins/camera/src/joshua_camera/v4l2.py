@@ -1,4 +1,4 @@
-"""What a video device says about itself: the ioctls of Video4Linux2 that a listing needs.
+"""The ioctls of Video4Linux2 for listing video devices.
 
 Source: linux/videodev2.h of the kernel's user-space interface.
 """
@@ -43,7 +43,7 @@ CID_EXPOSURE_ABSOLUTE = 0x009A0902
 
 @dataclass(frozen=True)
 class Capability:
-    """What a device is.
+    """Identity of a device.
 
     Attributes:
         driver: such as ``uvcvideo``; card: its name; bus_info: where it is plugged in.
@@ -76,7 +76,7 @@ class PixelFormat:
 
 @dataclass(frozen=True)
 class ControlRange:
-    """What a control of a device accepts."""
+    """Allowed values of a device's control."""
 
     minimum: int
     maximum: int
@@ -91,7 +91,7 @@ class VideoDevice:
         self._descriptor = descriptor
 
     def capability(self) -> Capability:
-        """What the device is. Raises OSError, ENOTTY for something that is not a video device."""
+        """Return the identity of the device. Raises OSError, ENOTTY if it is not a video device."""
         data = self._call(QUERYCAP, bytearray(104))
         driver, card, bus, _, all_caps, device_caps = struct.unpack_from("=16s32s32sIII", data)
         caps = device_caps if all_caps & _CAP_DEVICE_CAPS else all_caps
@@ -108,7 +108,7 @@ class VideoDevice:
         return found
 
     def control(self, control_id: int) -> ControlRange | None:
-        """What a control accepts; None if the device does not have it."""
+        """Return the allowed values of a control; None if the device does not have it."""
         try:
             data = self._call(QUERYCTRL, bytearray(struct.pack("=I64x", control_id)))
         except OSError:

@@ -64,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def emulate(options: argparse.Namespace, root: Path) -> int:
-    """Runs the device below a folder; returns the exit code."""
+    """Runs the device below a folder. Returns the exit code."""
     try:
         machine = MAKERS.get(options.protocol, _bus)(options, root)
     except (EepromStoreError, ControlError, MotionError, SpecError, OSError) as error:

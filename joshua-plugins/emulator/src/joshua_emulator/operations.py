@@ -18,7 +18,7 @@ Action = Callable[[], object]
 
 
 class DeviceOperations(ABC):
-    """Operations by name; ``handle`` is the control channel's handler.
+    """Operations by name. ``handle`` is the control channel's handler.
 
     A derived class puts its own into ``operations``.
 

@@ -35,11 +35,11 @@ class EmulatedBus(EmulatorProcess):
         return str(self.ready["by_id"])
 
     def servo(self, servo_id: int) -> dict[str, Any]:
-        """The truth about one servo: position, torque, temperature and so on."""
+        """The true state of one servo: position, torque, temperature and so on."""
         return dict(self.ask("state", id=servo_id)["servos"][0])
 
     def servos(self) -> list[dict[str, Any]]:
-        """The truth about all servos in cable order."""
+        """The true state of all servos in cable order."""
         return list(self.ask("state")["servos"])
 
     def calibration(self) -> dict[str, Any]:

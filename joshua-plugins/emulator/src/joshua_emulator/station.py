@@ -25,7 +25,7 @@ class Bus(Protocol):
     """A bus protocol behind an emulated adapter."""
 
     def receive(self, data: bytes, line_speed: int, now_s: float) -> list[TimedReply]:
-        """Takes bytes of the host; returns what the bus answers and when."""
+        """Takes bytes of the host. Returns what the bus answers and when."""
 
     def reset_line(self) -> None:
         """Forgets an unfinished packet."""
@@ -136,7 +136,7 @@ class Station:
             heapq.heappush(self._replies, reply)
 
     def _deliver(self, now_s: float) -> float:
-        """Hands over the next burst if it is due; returns when the next one is."""
+        """Hands over the next burst if it is due. Returns when the next one is."""
         replies = self._replies
         while replies:
             limit_s = replies[0].due_s + self._burst_window_s

@@ -45,7 +45,7 @@ class EncoderSettings(SerialSettings):
 
     @classmethod
     def called(cls) -> str:
-        """What the device is called in messages."""
+        """Name of the device in messages."""
         return "an encoder"
 
     @classmethod

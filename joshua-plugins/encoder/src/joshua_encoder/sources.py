@@ -292,7 +292,7 @@ class Amt21Source(Source):
         rounds = [*enumerate(addresses)] * 2
         for number, (place, address) in enumerate(rounds):
             if number == len(addresses) and not clock.missed_s(began_s, time.monotonic()):
-                break  # the second round is for a process that was held up in the first
+                break  # the second round is for a process that was stalled in the first
             for _ in range(_RETRIES):
                 self.port.send(bytes((address,)))
                 if self.port.receive(ANSWER_LENGTH + 1, time.monotonic() + timeout_s):

@@ -182,18 +182,18 @@ def full_name(node: NodeInfo) -> str:
 
 
 def find_topic(transport: Transport, topic: str, wait_s: float) -> list[EndpointInfo]:
-    """Wait for a topic to appear; returns its endpoints. Raises GraphError if it does not."""
+    """Wait for a topic to appear. Returns its endpoints. Raises GraphError if it does not."""
     nodes = _wait_for("topic", topic, transport, wait_s)
     return [endpoint for node in nodes for endpoint in node.endpoints if endpoint.topic == topic]
 
 
 def find_node(transport: Transport, name: str, wait_s: float) -> list[NodeInfo]:
-    """Wait for a node to appear; returns all of that name. Raises GraphError if it does not."""
+    """Wait for a node to appear. Returns all of that name. Raises GraphError if it does not."""
     return [node for node in _wait_for("node", name, transport, wait_s) if full_name(node) == name]
 
 
 def _wait_for(kind: str, name: str, transport: Transport, wait_s: float) -> list[NodeInfo]:
-    """Wait for a topic or node; returns the graph a moment later, so that the rest of it is known as well.
+    """Wait for a topic or node. Returns the graph a moment later, so that the rest of it is known as well.
 
     Raises:
         GraphError: it did not appear. The message names the nearest.

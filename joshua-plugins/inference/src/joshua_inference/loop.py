@@ -160,7 +160,7 @@ class InferenceLoop:
                 self._output.forget()
 
     def end_episode(self, success: bool) -> int:
-        """Counts an episode, or marks the last one again; returns how many have ended."""
+        """Counts an episode, or marks the last one again. Returns how many have ended."""
         self.pause()
         self._keeper.episodes += self._mark is None
         self._keeper.successes += success - bool(self._mark)

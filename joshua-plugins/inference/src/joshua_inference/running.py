@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def refused(command: str, error: CallError) -> ExitCode:
-    """Say why a model was not reached or does not obey; returns the exit code."""
+    """Say why a model was not reached or does not obey. Returns the exit code."""
     lines = [f"joshua {command}: {error}"]
     lines += [f"  allowed: {', '.join(error.allowed)}"] if error.allowed else []
     sys.stderr.write("\n".join(lines) + "\n")

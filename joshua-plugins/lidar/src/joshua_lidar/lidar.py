@@ -44,7 +44,7 @@ NO_TURN_S = 3.0
 _CHUNK_S = 0.01
 _LARGEST_CHUNK = 255
 
-# A reader that was held up finds much at once; the system hands it over in pieces, with moments between.
+# A reader that was stalled finds much at once; the system hands it over in pieces, with moments between.
 _PIECE = 4096
 _PIECE_S = 0.002
 _LARGEST_BACKLOG = 1 << 17
@@ -102,14 +102,14 @@ class SerialLidar(Sensor):
 
     @property
     def facts(self) -> str:
-        """What the scanner says about itself, for people; "" before it was opened."""
+        """Data of the scanner, for people; "" before it was opened."""
         if self._link is None:
             return ""
         return self._link.facts or self._link.model.title
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know about the scanner, known once it was opened."""
+        """Warnings about the scanner, known after it was opened."""
         return tuple(self._link.warnings) if self._link is not None else ()
 
     def cancel(self) -> None:
@@ -281,7 +281,7 @@ class SerialLidar(Sensor):
         self._take(data, self._clock.now_ns())
 
     def _backlog(self) -> bytes:
-        """What else is there because it came while this process did not run."""
+        """Further bytes that arrived while this process did not run."""
         found = piece = self._port.receive(_PIECE, time.monotonic())
         while len(piece) > _MORE_COMES and len(found) < _LARGEST_BACKLOG:
             piece = self._port.receive(_PIECE, time.monotonic() + _PIECE_S)

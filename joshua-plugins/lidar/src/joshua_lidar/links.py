@@ -55,7 +55,7 @@ class Link(ABC):
         """
 
     def stop(self) -> None:
-        """Stop measurements and motor where the scanner can be told to; never raises."""
+        """Stop measurements and motor where the scanner can be told to. Never raises."""
         with contextlib.suppress(DeviceError, OSError):
             for message in STOP_BYTES[self.model.name]:
                 self.port.send(message)

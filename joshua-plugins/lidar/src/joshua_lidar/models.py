@@ -63,7 +63,7 @@ MODELS = {
 RPLIDAR_NUMBERS = {0x18: "rplidar_a1", 0x41: "rplidar_c1"}
 YDLIDAR_NUMBERS = {6: "ydlidar_x4"}
 
-#: Models whose streams cannot be told apart.
+#: Models with identical streams.
 SAME_STREAM = ({"ld06", "ld19"},)
 
 

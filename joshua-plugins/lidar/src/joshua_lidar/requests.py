@@ -69,7 +69,7 @@ def ask(
 def await_answer(
     port: SerialPort, kinds: tuple[int, ...], timeout_s: float = ANSWER_TIMEOUT_S, *, many: bool = False
 ) -> Answer | None:
-    """Wait for an answer of one of some types; what comes before it is left out.
+    """Wait for an answer of one of several types. Earlier bytes are skipped.
 
     Args:
         many: the answer is a stream, of which the descriptor alone is waited for.

@@ -37,7 +37,7 @@ class LidarSettings(SerialSettings):
 
     @classmethod
     def called(cls) -> str:
-        """What the device is called in messages."""
+        """Name of the device in messages."""
         return "a laser scanner"
 
     @model_validator(mode="after")

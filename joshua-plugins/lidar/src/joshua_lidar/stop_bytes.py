@@ -1,4 +1,4 @@
-"""What stops each scanner."""
+"""Stop requests of each scanner."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ MOTOR_RPM = 600
 
 _STILL = (0).to_bytes(2, "little")
 
-#: Requests in their order; a scanner without any cannot be told.
+#: Requests in order. A scanner without requests cannot be stopped.
 STOP_BYTES: dict[str, tuple[bytes, ...]] = {
     "rplidar_a1": (request(STOP), request(SET_PWM, _STILL)),
     "rplidar_c1": (request(STOP), request(SET_RPM, _STILL)),

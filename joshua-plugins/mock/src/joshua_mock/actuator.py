@@ -76,7 +76,7 @@ class MockActuator(Actuator):
         self._energised = True
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
-        """Commands positions in radians, shape (N,); returns the goal after the clamp, in whole ticks.
+        """Commands positions in radians, shape (N,). Returns the goal after the clamp, in whole ticks.
 
         Raises ValueError for a wrong shape or a value that is not finite, DeviceError without torque.
         """

@@ -42,7 +42,7 @@ class FreeRunningClock:
 
     def __init__(self, rate_hz: float) -> None:
         self._period_ns = NS_PER_S / rate_hz
-        wall_ns = time.time_ns()  # first: held up between the two, no stamp may lie in the future
+        wall_ns = time.time_ns()  # first: stalled between the two, no stamp may lie in the future
         self._start_ns = time.monotonic_ns()
         self._epoch_ns = wall_ns - self._start_ns
         self._next = 0
@@ -74,7 +74,7 @@ class FreeRunningSensor(Sensor):
 
     @abstractmethod
     def start(self) -> float:
-        """Resets the device; returns its rate in Hz."""
+        """Resets the device. Returns its rate in Hz."""
 
     @abstractmethod
     def acquire(self, sequence: int, stamp_ns: int) -> Any:

@@ -94,13 +94,13 @@ class SimActuator(Actuator):
         return JointReading(self._stamps.now_ns(), position, self._sign * velocity, self._sign * force)
 
     def enable(self) -> None:
-        """Gives torque to all joints, where they are."""
+        """Enables the torque of all joints at their present positions."""
         world, group = self._joined("enable")
         with world.lock:
             self._goal = self._angles(group)
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
-        """Commands positions in radians, shape (N,); returns the goal after the clamp.
+        """Commands positions in radians, shape (N,). Returns the goal after the clamp.
 
         Raises ValueError for a wrong shape or a value that is not finite, DeviceError without torque.
         """
@@ -114,7 +114,7 @@ class SimActuator(Actuator):
         return goal.copy()
 
     def hold(self) -> None:
-        """Stops where the joints are, torque as it is."""
+        """Stops the joints at their positions without changing the torque."""
         world, group = self._joined("hold")
         with world.lock:
             if self._goal is not None:
@@ -162,7 +162,7 @@ class SimActuator(Actuator):
         self._unhook = world.before_step(self._drive)
 
     def _drive(self, physics: Physics) -> None:
-        """Tells the drives where to go, before each step and under the lock."""
+        """Sets the goals of the drives, before each step and under the lock."""
         group = self._group
         if group is None:
             return

@@ -1,4 +1,4 @@
-"""The actuators of a simulated arm as a calibration sees them, and the hand that moves them.
+"""The calibration target for a simulated arm, and the hand that moves its joints.
 
 The physics runs in the calibrating process itself. Nothing collides there: whoever holds an arm holds it
 clear of the table and of itself.
@@ -106,7 +106,7 @@ class SimCalibrationTarget(CalibrationTarget):
         leave_world(world)
 
     def release(self) -> None:
-        """Lets the joints go; their drives only brake."""
+        """Releases the joints; their drives only brake."""
         world, _, hand = self._joined("release")
         with world.lock:
             hand.let_go(world.physics)
@@ -119,11 +119,11 @@ class SimCalibrationTarget(CalibrationTarget):
         return tuple(encoder_ticks(float(angle)) for angle in positions)
 
     def stored(self) -> tuple[StoredMotor, ...] | None:
-        """None: simulated motors keep nothing, so that the file alone holds the calibration."""
+        """None: simulated motors store nothing, so only the file contains the calibration."""
         return None
 
     def store(self, motor_id: int, values: StoredMotor) -> None:
-        """Does nothing: there is no place for it in the model."""
+        """No effect: the model cannot store it."""
 
     @property
     def hand(self) -> HandMoves:

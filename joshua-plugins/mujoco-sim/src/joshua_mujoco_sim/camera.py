@@ -95,7 +95,7 @@ class SimCamera(Sensor):
         world.start()
 
     def read(self, timeout_s: float) -> Reading | None:
-        """Waits for the next frame; None when none came in time. Raises DeviceError."""
+        """Waits for the next frame; None if none arrives in time. Raises DeviceError."""
         self.require_connected("read")
         assert self._world is not None
         if failure := self._world.failure or self._error:

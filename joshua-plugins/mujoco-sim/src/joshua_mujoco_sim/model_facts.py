@@ -1,4 +1,4 @@
-"""What a compiled model has, so that the names in a file are checked before anything starts."""
+"""Facts of a compiled model, for checking names of a file before the start."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...
 
 
 def known_name(field: str, what: str, name: str, known: Sequence[str]) -> None:
-    """Refuses a name that the model does not have. Raises FieldError with the nearest name first."""
+    """Refuses an unknown name of the model. Raises FieldError with the nearest name first."""
     if name in known:
         return
     near = get_close_matches(name, known, n=3, cutoff=0.5)

@@ -1,4 +1,4 @@
-"""``--sim``: which actuators and cameras of the model stand for which devices of a file.
+"""``--sim``: assigns actuators and cameras of the model to devices of a file.
 
 The first arm that somebody commands becomes the arm of the scene. Each further arm is an SO-ARM100 of its own
 beside it; a leader moves by itself, since nobody can take it by the hand.
@@ -29,7 +29,7 @@ ARM_SPACING_M = 0.45
 
 
 def simulate(config: Any, devices: Sequence[RealDevice], emulated: bool) -> dict[str, Coupling]:
-    """Puts simulated devices in place of real ones.
+    """Replaces real devices by simulated ones.
 
     Args:
         config: the file, which is changed; devices: those to stand for.
@@ -37,7 +37,7 @@ def simulate(config: Any, devices: Sequence[RealDevice], emulated: bool) -> dict
             hand moves, and draws what the cameras see.
 
     Returns:
-        What the emulated devices are joined to, by node name.
+        The couplings of the emulated devices, by node name.
 
     Raises:
         SimAdapterError: the model does not fit.

@@ -1,4 +1,4 @@
-"""What a model holds, as plain values for people and for JSON."""
+"""The content of a model, as plain values for people and JSON."""
 
 from __future__ import annotations
 

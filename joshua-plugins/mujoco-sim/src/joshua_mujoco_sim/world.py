@@ -144,11 +144,11 @@ class World:
         self._asked: tuple[float, float] | None = None
 
     def before_step(self, hook: Hook) -> Callable[[], None]:
-        """Calls ``hook`` under the lock before each step; returns how to end that."""
+        """Calls ``hook`` under the lock before each step. Returns how to end that."""
         return self._hooked(self._before, hook, len(self._before))
 
     def after_step(self, hook: Hook, *, first: bool = False) -> Callable[[], None]:
-        """Calls ``hook`` under the lock after each step; returns how to end that. It must be short.
+        """Calls ``hook`` under the lock after each step. Returns how to end that. It must be short.
 
         Args:
             hook: what is called; first: before all the others that are there.
@@ -273,7 +273,7 @@ class World:
                 self._jobs.popleft()()
 
     def _steps(self, count: int) -> int:
-        """Does steps until ``count`` or until a job is deferred; returns how many; under the lock."""
+        """Does steps until ``count`` or until a job is deferred. Returns how many; under the lock."""
         physics = self.physics
         done = 0
         try:

@@ -1,4 +1,4 @@
-"""What can go wrong with a serial port: one class per cause, each message with its remedy."""
+"""Errors of serial ports: one class per cause, each message with its remedy."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class PortBusy(DeviceBusy):
 
 
 class PortGuarded(PortBusy):
-    """The guardian of a driver that has failed has the port open; it ends by itself."""
+    """The guardian of a failed driver uses the port; it ends by itself."""
 
 
 class PortForbidden(DeviceError):
@@ -26,4 +26,4 @@ class PortUnusable(DeviceError):
 
 
 class PortDisconnected(DeviceDisconnected):
-    """The port was open and is gone: the adapter was unplugged."""
+    """The adapter of the open port was unplugged."""

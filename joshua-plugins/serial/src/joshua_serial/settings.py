@@ -25,7 +25,7 @@ class SerialSettings(BlockSettings):
 
     @classmethod
     def called(cls) -> str:
-        """What the device is called in messages, such as "a laser scanner"."""
+        """Name of the device in messages, such as "a laser scanner"."""
         raise NotImplementedError(f"{cls.__name__} has no name for messages: override called")
 
     @model_validator(mode="after")

@@ -56,7 +56,7 @@ class ActionServer:
     Args:
         node: that has the action; name: below the node's name; action: its type.
         refuse: why a goal's message is not accepted, "" if it is.
-        execute: carries a goal out on a thread of its own; returns its last status and the result's fields.
+        execute: carries a goal out on a thread of its own. Returns its last status and the result's fields.
     """
 
     def __init__(

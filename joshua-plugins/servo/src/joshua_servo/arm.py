@@ -300,7 +300,7 @@ class ServoArm(Actuator):
             self._relaxed = {}
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
-        """Commands positions, shape (N,); returns what was written after clamp, rate limit and rounding.
+        """Commands positions, shape (N,). Returns what was written after clamp, rate limit and rounding.
 
         Raises:
             ValueError: a wrong shape or a value that is not finite.

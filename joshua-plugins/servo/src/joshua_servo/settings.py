@@ -110,7 +110,7 @@ class ServoSettings(SerialSettings, ActuatorSettings):
 
     @classmethod
     def called(cls) -> str:
-        """What the device is called in messages."""
+        """Name of the device in messages."""
         return f"a bus of {cls.servo_name} servos"
 
     @model_validator(mode="after")

@@ -67,7 +67,7 @@ class SpikeActuator(Actuator):
 
     @property
     def enabled(self) -> bool:
-        """Whether the motors were energised by this driver and still are, as far as it knows."""
+        """Whether this driver has energised the motors and, as far as it knows, they still have torque."""
         return self._enabled
 
     @property
@@ -77,7 +77,7 @@ class SpikeActuator(Actuator):
 
     @property
     def counters(self) -> Counters:
-        """What went over the link since it was opened."""
+        """Counters of the link since it was opened."""
         return self._hub.counters
 
     def connect(self) -> None:
@@ -144,7 +144,7 @@ class SpikeActuator(Actuator):
             self._remember(self._map.radians(state.angles_deg), state.angles_deg)
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
-        """Commands positions, shape (N,); returns what was written after clamp, rate limit and rounding.
+        """Commands positions, shape (N,). Returns what was written after clamp, rate limit and rounding.
 
         The motors take whole degrees. Where the link is slower than the caller, the newest goal is sent.
 
@@ -185,7 +185,7 @@ class SpikeActuator(Actuator):
         """Disable the torque of all motors; does nothing on a closed device.
 
         Raises:
-            DeviceDisconnected: the hub does not say that it has let go.
+            DeviceDisconnected: the hub does not confirm the release.
         """
         with self._lock:
             self._enabled = False

@@ -147,7 +147,7 @@ class BumbleClient(BaseBleakClient):
 
     @property
     def is_connected(self) -> bool:
-        """Whether the link stands."""
+        """Whether the link is connected."""
         return self._connection is not None
 
     async def connect(self, pair: bool, **_: Any) -> None:

@@ -44,7 +44,7 @@ class SpikeCalibrationTarget(CalibrationTarget):
         self._hub.close()
 
     def release(self) -> None:
-        """Disable the torque of all motors; the hub says that it did."""
+        """Disable the torque of all motors, confirmed by the hub."""
         self._hub.order("F")
 
     def raw_positions(self) -> tuple[int, ...]:
@@ -53,7 +53,7 @@ class SpikeCalibrationTarget(CalibrationTarget):
         return tuple(round(angle % 360 * TICKS_PER_TURN / 360) % TICKS_PER_TURN for angle in angles)
 
     def stored(self) -> tuple[StoredMotor, ...] | None:
-        """None: hub and motors keep nothing, so that the file alone holds the calibration."""
+        """None: hub and motors store nothing, so only the file contains the calibration."""
         return None
 
     def store(self, motor_id: int, values: StoredMotor) -> None:

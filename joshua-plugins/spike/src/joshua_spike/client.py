@@ -50,12 +50,12 @@ class HubClient:
 
     @property
     def counters(self) -> Counters:
-        """What went over the link."""
+        """Counters of the link."""
         return self._session.counters if self._session is not None else Counters()
 
     @property
     def status(self) -> Status:
-        """What the hub said last about itself."""
+        """The last status of the hub."""
         return self._session.link.status if self._session is not None else Status(0)
 
     @property

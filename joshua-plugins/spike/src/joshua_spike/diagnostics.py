@@ -45,7 +45,7 @@ def joint_rows(
 
 
 def battery_row(state: HubState, status: Status, hardware_id: str) -> DiagnosticStatus:
-    """The battery, by its voltage and by what the firmware says of it."""
+    """The battery: its voltage and the state reported by the firmware."""
     level, message = DiagnosticStatus.OK, "in order"
     if status & (Status.BATTERY_CRITICAL | Status.SHUTDOWN):
         level, message = DiagnosticStatus.ERROR, "the hub is about to switch off: charge it"

@@ -1,4 +1,4 @@
-"""What can go wrong between host and hub: one class per cause, each message with its remedy."""
+"""Errors between host and hub: one class per cause, each message with its remedy."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class HubNotFound(DeviceError):
 
 
 class HubUnreachable(DeviceError):
-    """The hub advertises, and no connection comes about."""
+    """The hub advertises, but no connection is established."""
 
 
 class WrongFirmware(DeviceError):

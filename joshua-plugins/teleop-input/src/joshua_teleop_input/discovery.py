@@ -41,7 +41,7 @@ class EventDevice(Protocol):
         """Wait for records."""
 
     def resynchronise(self) -> Capabilities:
-        """Where everything stands now, after records were lost. Raises DeviceDisconnected."""
+        """Return the present state after records were lost. Raises DeviceDisconnected."""
 
     def close(self) -> None:
         """Close the device. Idempotent."""
@@ -49,7 +49,7 @@ class EventDevice(Protocol):
 
 @dataclass(frozen=True)
 class Found:
-    """A device file: what it is, or why it cannot be told."""
+    """A device file: its kind, or why it is unknown."""
 
     path: str
     capabilities: Capabilities | None

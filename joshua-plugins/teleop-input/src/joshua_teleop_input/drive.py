@@ -1,4 +1,4 @@
-"""What a person's input does to the joints: gate, shaping, goals, and when commands are sent."""
+"""Converts a person's input to commands for joints: gate, shaping, goals, and timing."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class Drive:
         return was
 
     def command(self, now_s: float) -> dict[str, float] | None:
-        """The goals to send now, in rad by joint; None while nobody drives."""
+        """The goals to send, in rad by joint; None while driving is off."""
         if not self._wanted(now_s) or not self.jog.ready(now_s):
             # The last goal stands: whoever holds the arm holds it there.
             self._sending = False

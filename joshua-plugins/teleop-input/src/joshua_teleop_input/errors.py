@@ -1,4 +1,4 @@
-"""What can go wrong with an input device."""
+"""Errors of input devices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``struct input_event``: the records that the kernel hands to whoever reads an input device."""
+"""``struct input_event``: the kernel's records of an input device."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NATIVE_RECORD = struct.Struct("llHHi")
 
 @dataclass(frozen=True)
 class AxisRange:
-    """What a device says about an axis (``struct input_absinfo``): present value, limits, noise, centre."""
+    """Data of an axis (``struct input_absinfo``): present value, limits, noise, centre."""
 
     value: int
     minimum: int
@@ -27,7 +27,7 @@ class AxisRange:
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What a device has, and where everything stands.
+    """Capabilities of a device and its present state.
 
     Attributes:
         name: as the device calls itself; identity: bus, vendor, product, version.

@@ -1,4 +1,4 @@
-"""What a person can press, as lines for the screen."""
+"""The usable buttons and keys, as lines for the screen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the nodes of gamepads and the keyboard have in common: joints, commands, help."""
+"""The base class of the nodes for gamepads and the keyboard: joints, commands, help."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class InputNode(NodeBehaviour):
 
     @property
     def drive(self) -> Drive:
-        """What the input does to the joints."""
+        """The drive of the joints."""
         assert self._drive is not None
         return self._drive
 
@@ -100,7 +100,7 @@ class InputNode(NodeBehaviour):
                     publisher.publish(joint_state([], []))
 
     def release(self) -> bool:
-        """Everything counts as released, and driving as switched off; returns whether it was on."""
+        """Everything counts as released, and driving as switched off. Returns whether it was on."""
         with self._lock:
             was = self.drive.release()
             self._command()

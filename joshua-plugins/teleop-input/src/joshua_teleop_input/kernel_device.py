@@ -96,7 +96,7 @@ class KernelDevice:
         return self._decoder.feed(data)
 
     def resynchronise(self) -> Capabilities:
-        """Where everything stands now, after records were lost."""
+        """Return the present state after records were lost."""
         self.capabilities = read_capabilities(self._descriptor, self.path)
         return self.capabilities
 

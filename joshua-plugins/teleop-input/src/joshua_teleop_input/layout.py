@@ -45,7 +45,7 @@ PRESSED_FROM = 0.5
 
 @dataclass(frozen=True)
 class Source:
-    """Where a value comes from: an axis or a button of the device.
+    """The source of a value: an axis or a button of the device.
 
     Attributes:
         code: number of the axis or button; is_axis: which of the two.
@@ -146,7 +146,7 @@ def mapped_source(name: str, source: str, inverted: bool) -> Source:
 
 
 def present(layout: Layout, device: Capabilities) -> dict[str, Source]:
-    """What of a layout the device really has."""
+    """The part of a layout that the device has."""
     return {
         name: source
         for name, source in layout.items()

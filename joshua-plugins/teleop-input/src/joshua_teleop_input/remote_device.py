@@ -92,7 +92,7 @@ class RemoteDevice:
         return self._decoder.feed(data)
 
     def resynchronise(self) -> Capabilities:
-        """Raise DeviceDisconnected: whoever connects again is told where everything stands."""
+        """Raise DeviceDisconnected: a new client receives the present state."""
         raise DeviceDisconnected(f"{self.path}: the sender has lost records")
 
     def close(self) -> None:

@@ -20,7 +20,7 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 
 
 class ControlSettings(BaseModel):
-    """What one axis, button or key, or a pair of them, moves.
+    """The joint that an axis, button or key, or a pair of them, moves.
 
     Attributes:
         positive, negative: names; "" for no negative one.
@@ -46,7 +46,7 @@ class MappingSettings(BaseModel):
 
 
 class InputSettings(BlockSettings):
-    """What gamepads and the keyboard have in common.
+    """Settings common to gamepads and the keyboard.
 
     Attributes:
         joints: names of the joints that the node's commands reach; () if they are not known yet.

@@ -62,7 +62,7 @@ class Gripper(Actuator):
         self.connected = self._energised = False
 
     def _move(self) -> float:
-        """Moves the finger to where it is by now; returns the way that is left."""
+        """Moves the finger to where it is by now. Returns the way that is left."""
         elapsed_s, self._moved_s = time.monotonic() - self._moved_s, time.monotonic()
         step = self.settings.speed_rad_s * elapsed_s
         self._position += float(np.clip(self._goal - self._position, -step, step))

@@ -31,7 +31,7 @@ HAND_S, LOOK_EVERY_S = 0.8, 0.02
 #: A look that took so long may have missed a part of the way: the motion is made again, some times at most.
 LONGEST_LOOK_S, MOTIONS = 0.15, 4
 
-#: Joints that so many looks find within so many ticks rest; a hand that was held up may need so much longer.
+#: Joints that so many looks find within so many ticks rest; a hand that was stalled may need so much longer.
 REST_LOOKS, REST_TICKS, OVERTIME_S = 8, 2, 10.0
 
 
@@ -51,9 +51,9 @@ def check_calibration_target(
         factory: makes a target that is not connected; each call a new one of the same device.
         hand: moves the joints of an emulated device, see ``DeviceEmulator.guide``; a target's own ``hand``
             is used where this is None. Without either the clause about motion is left out.
-        unplug: makes an open device vanish; without it the clause about disconnection is left out.
+        unplug: disconnects an open device. Without it, the clause about disconnection is skipped.
         timeout_s: how long the detection of a disconnection may take.
-        only: names of the clauses to check, such as ``("stored",)`` while one is mended; empty for all.
+        only: names of the clauses to check, such as ``("stored",)`` while you fix one; empty for all.
 
     Raises:
         ConformanceError: lists every violated clause: what was observed, why it is wrong, the likely cause.
@@ -340,7 +340,7 @@ class _TargetClauses:
             asked_s = time.monotonic() - began_s
             ways, longest_s = _ways(target, began_s + HAND_S)
             if max(asked_s, longest_s) < LONGEST_LOOK_S:
-                break  # else this machine was held up
+                break  # else this machine was stalled
         require(
             asked_s < HAND_S / 2,
             f"hand({index}, {HAND_S}) returned after {asked_s:.1f} s",

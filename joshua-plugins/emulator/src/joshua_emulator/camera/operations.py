@@ -25,7 +25,7 @@ FAULTS: dict[str, FaultRule] = {
 
 
 class CameraOperations(DeviceOperations):
-    """Operations by name; ``handle`` is the control channel's handler."""
+    """Operations by name. ``handle`` is the control channel's handler."""
 
     refusals: ClassVar[tuple[type[Exception], ...]] = (FrameSizeError, OSError)
 

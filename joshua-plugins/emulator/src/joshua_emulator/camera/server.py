@@ -141,7 +141,7 @@ class CameraServer:
             self.control.close()
 
     def _wait(self, watched: Collection[int]) -> set[int]:
-        """Waits for the next due time and serves clients; returns the other descriptors that are ready."""
+        """Waits for the next due time and serves clients. Returns the other descriptors that are ready."""
         self._clients = [client for client in self._clients if not client.closed]
         deadline_s = min(self._due_s, self.timers.next_s)
         others = [*watched, *(self.control.descriptors() if self.control is not None else ())]
@@ -190,7 +190,7 @@ class CameraServer:
         """Sends the frame that is due to everybody who reads the stream."""
         self.log.delivered(now_s - self._due_s)
         self._due_s += 1 / self.fps
-        if now_s - self._due_s > 1 / self.fps:  # this process was held up: those frames were never taken
+        if now_s - self._due_s > 1 / self.fps:  # this process was stalled: those frames were never taken
             self._due_s = now_s + 1 / self.fps
         number, self.number = self.number, self.number + 1
         if self.stalled or self.faults.drops():

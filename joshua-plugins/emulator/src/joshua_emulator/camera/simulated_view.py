@@ -48,7 +48,7 @@ class SimulatedView:
         return () if self._link is None else (self._link.fileno(),)
 
     def ask(self, width: int, height: int) -> bool:
-        """Asks for a picture; returns whether that is on its way from now on.
+        """Asks for a picture. Returns whether that is on its way from now on.
 
         It is not while the last one is, and while there is no simulation: that is looked for each time.
         """
@@ -67,7 +67,7 @@ class SimulatedView:
         return True
 
     def receive(self) -> bytes | None:
-        """Takes what has come; returns a picture once it is whole."""
+        """Takes what has come. Returns a picture once it is whole."""
         if self._link is None:
             return None
         width, height = self._size

@@ -63,7 +63,7 @@ class DynamixelBus(EmulatedServoBus[Servo]):
         return self._transmit([(s, answer) for s, answer in answers if answer is not None], line_speed)
 
     def _execute(self, servo: Servo, packet: InstructionPacket, end_s: float) -> bytes | None:
-        """Carries out an instruction for one servo; returns its reply, None if it stays silent."""
+        """Carries out an instruction for one servo. Returns its reply, None if it stays silent."""
         servo_id, parameters = servo.servo_id, packet.parameters
         level = servo.get("status_level")
         answers = packet.servo_id != BROADCAST_ID and level == 2

@@ -78,7 +78,7 @@ class EncoderDevice:
         sent = []
         while self._due_s <= now_s:
             at_s, self._due_s = self._due_s, self._due_s + self._period_s
-            if now_s - self._due_s > 1.0:  # this process was held up
+            if now_s - self._due_s > 1.0:  # this process was stalled
                 self._due_s = now_s
             if not self.silent and not self.faults.drops():
                 if not self.frozen:

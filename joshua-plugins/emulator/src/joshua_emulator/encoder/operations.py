@@ -42,7 +42,7 @@ def fault_rules(protocol: str) -> dict[str, FaultRule]:
 
 
 class EncoderOperations(SensorOperations):
-    """Operations by name; ``handle`` is the control channel's handler."""
+    """Operations by name. ``handle`` is the control channel's handler."""
 
     def __init__(self, device: EncoderDevice, name: str) -> None:
         super().__init__(device.log, fault_rules(device.protocol), device.faults, name)

@@ -38,7 +38,7 @@ class FeetechAssembly(BusAssembly[Servo]):
         return servo
 
     def set_up(self, servo: Servo, servo_id: int, middle: int, half: float) -> bytes:
-        """Gives a servo fresh from the factory its id and the settings of the spec; returns its EEPROM."""
+        """Gives a servo fresh from the factory its id and the settings of the spec. Returns its EEPROM."""
         servo.put("id", servo_id)
         servo.put("baudrate", next(code for code, rate in BAUDRATES.items() if rate == self.spec.baudrate))
         servo.put("return_delay", min(254, round(self.spec.return_delay_s / 2e-6)))

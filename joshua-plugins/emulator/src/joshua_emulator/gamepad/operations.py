@@ -26,7 +26,7 @@ FAULTS: dict[str, FaultRule] = {
 
 
 class GamepadOperations(DeviceOperations):
-    """Operations by name; ``handle`` is the control channel's handler."""
+    """Operations by name. ``handle`` is the control channel's handler."""
 
     refusals: ClassVar[tuple[type[Exception], ...]] = (OSError,)
 

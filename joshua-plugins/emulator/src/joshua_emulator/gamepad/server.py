@@ -139,7 +139,7 @@ class GamepadServer:
 
     def _report(self, now_s: float) -> None:
         self._due_s += 1 / self.rate_hz
-        if now_s > self._due_s:  # this process was held up: those reports were never made
+        if now_s > self._due_s:  # this process was stalled: those reports were never made
             self._due_s = now_s + 1 / self.rate_hz
         if self.stalled:
             return

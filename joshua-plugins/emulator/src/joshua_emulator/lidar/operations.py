@@ -42,7 +42,7 @@ def fault_rules(model: ScannerModel) -> dict[str, FaultRule]:
 
 
 class ScannerOperations(SensorOperations):
-    """Operations by name; ``handle`` is the control channel's handler."""
+    """Operations by name. ``handle`` is the control channel's handler."""
 
     def __init__(self, scanner: Scanner, name: str) -> None:
         super().__init__(scanner.log, fault_rules(scanner.model), scanner.faults, name)

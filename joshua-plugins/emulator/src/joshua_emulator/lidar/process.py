@@ -29,5 +29,5 @@ class EmulatedLidar(EmulatorProcess):
         return str(self.ready["by_id"])
 
     def state(self) -> dict[str, Any]:
-        """The truth about the scanner: motor, scanning, turns per second and so on."""
+        """The true state of the scanner: motor, scanning, turns per second and so on."""
         return self.ask("state")

@@ -44,7 +44,7 @@ class RequestReader:
         self._buffer = b""
 
     def take(self, data: bytes) -> list[Request]:
-        """Takes the next bytes; returns the requests that are complete with them."""
+        """Adds bytes. Returns the requests that are complete with them."""
         buffer = self._buffer + data
         requests = []
         while True:

@@ -109,7 +109,7 @@ class BusAssembly(ABC, Generic[ServoT]):
 
     @abstractmethod
     def set_up(self, servo: ServoT, servo_id: int, middle: int, half: float) -> bytes:
-        """Gives a servo fresh from the factory its id and the settings of the spec; returns its EEPROM.
+        """Gives a servo fresh from the factory its id and the settings of the spec. Returns its EEPROM.
 
         Args:
             middle: encoder tick at the middle of the joint's range; half: half of that range in ticks.

@@ -86,7 +86,7 @@ class EmulatedServoBus(ABC, Generic[ServoT]):
         self.parser.clear()
 
     def receive(self, data: bytes, line_speed: int, now_s: float) -> list[TimedReply]:
-        """Takes bytes of the host, sent at ``line_speed`` bit/s; returns what the bus answers and when."""
+        """Takes bytes of the host, sent at ``line_speed`` bit/s. Returns what the bus answers and when."""
         listening = [
             servo for servo in self.servos[: self.connected] if self._hears(servo, line_speed, now_s)
         ]

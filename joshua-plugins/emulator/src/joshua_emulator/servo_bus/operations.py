@@ -41,7 +41,7 @@ FAULTS: dict[str, FaultRule] = {
 
 
 class Operations(StationOperations):
-    """Operations by name; ``handle`` is the control channel's handler.
+    """Operations by name. ``handle`` is the control channel's handler.
 
     Args:
         names: joint name of each servo in cable order.

@@ -36,7 +36,7 @@ def fault_rules(ports: Sequence[str]) -> dict[str, FaultRule]:
 
 
 class HubOperations(DeviceOperations):
-    """Operations by name; ``handle`` is the control channel's handler."""
+    """Operations by name. ``handle`` is the control channel's handler."""
 
     def __init__(self, machine: HubMachine) -> None:
         super().__init__(machine.log, fault_rules(tuple(machine.motors)))

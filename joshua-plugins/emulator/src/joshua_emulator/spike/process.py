@@ -31,11 +31,11 @@ class EmulatedHub(EmulatorProcess):
         return str(self.ready["address"])
 
     def state(self) -> dict[str, Any]:
-        """The truth about the hub: whether its program runs, who is connected, its motors."""
+        """The true state of the hub: whether its program runs, who is connected, its motors."""
         return self.ask("state")
 
     def motor(self, port: str) -> dict[str, Any]:
-        """The truth about one motor."""
+        """The true state of one motor."""
         return dict(self.state()["motors"][port])
 
     def guide(self, slot: int | None, seconds: float) -> None:

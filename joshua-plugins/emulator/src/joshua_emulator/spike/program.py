@@ -47,7 +47,7 @@ def check_mpy(code: bytes) -> bytes:
 
 
 def write_modules(modules: dict[str, bytes], folder: Path) -> str:
-    """Writes the modules as files; returns the name under which the main one is imported."""
+    """Writes the modules as files. Returns the name under which the main one is imported."""
     main = "uploaded_main"
     for name, code in modules.items():
         file_name = main if name == MAIN else name

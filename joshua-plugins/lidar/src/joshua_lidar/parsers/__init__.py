@@ -1,1 +1,1 @@
-"""What comes from a scanner's line, one protocol a file: bytes in, measurements out, no input or output."""
+"""Parsers for scanners' streams, one protocol per file: bytes in, measurements out, no input or output."""

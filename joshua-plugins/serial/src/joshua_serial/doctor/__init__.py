@@ -1,4 +1,4 @@
-"""What ``joshua doctor`` says of serial ports: permissions, delays, and how a file names them."""
+"""Checks of ``joshua doctor`` for serial ports: permissions, delays, and how a file names them."""
 
 from __future__ import annotations
 
