@@ -94,6 +94,18 @@ def test_an_actuator_knows_who_may_take_over(tmp_path):
     assert follower.facts.commanders[0].motion_rad == 0
 
 
+def test_the_motion_of_an_override_belongs_to_a_leader_that_overrides(tmp_path):
+    path = teleoperation(tmp_path)
+    text = Path(path).read_text()
+    rate = 'topic_name: "/leader/joint_states" publish_rate_hz: 50'
+    Path(path).write_text(text.replace(rate, f"{rate} override_motion_rad: 0.2"))
+    (note,) = (item for item in examine(Request(path)).diagnostics if item.code == "field-unused")
+    assert note.field_path == "robot.actions[1].node.publishers[0].override_motion_rad"
+    assert note.message == (
+        "override_motion_rad has no effect: it belongs to a leader arm with override: true."
+    )
+
+
 def test_nodes_outside_the_file_command_an_external_follower_without_a_leader(tmp_path):
     follower = FOLLOWER.replace(
         'topic_name: "/leader/joint_states" }',
