@@ -59,9 +59,7 @@ def test_a_picture_is_small_and_says_what_it_shows(picture: Path) -> None:
         assert re.search(r"<title>.{20,}</title>|aria-label=\".{20,}\"", picture.read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize(
-    "name", ["mistake.svg", "checkpoint.svg", "new-plugin.svg", "arm.webp", "models.webp"]
-)
+@pytest.mark.parametrize("name", ["mistake.svg", "new-plugin.svg", "arm.webp", "models.webp"])
 def test_a_picture_that_needs_no_run_is_up_to_date(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if name.endswith(".webp") and (reason := opengl_problem()):
         pytest.skip(reason)
