@@ -24,6 +24,7 @@ PAGES = [*sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("guides/*.md"))]
 MADE = {
     *draw_pictures.PICTURES,
     *draw_diagrams.DIAGRAMS,
+    "imitation-curves.svg",  # a training draws it at its end
     draw_rooms.PICTURE.name,
     draw_chunks.PICTURE.name,
     draw_evaluation.PICTURE.name,
