@@ -76,6 +76,7 @@ def places(loaded: LoadedConfig) -> list[str]:
          ["oneof-conflict 1:33", "unknown-field 1:50"]),
         ("transport { domain_id: 99999999999 kind: 7 }",
          ["number-out-of-range 1:24", "unknown-enum-number 1:42"]),
+        ("transport { kind: 4294967296 }", ["unknown-enum-number 1:19"]),
         ("transport { domain_id: 1.5 kind: ZENOH }", ["wrong-type 1:24", "unknown-enum-value 1:34"]),
         ("simulation { plugin_config { [acme/] {} } }", ["bad-type-name 1:30"]),
         ("simulation { plugin_config { [/acme.T] {} } }", ["bad-type-name 1:30"]),

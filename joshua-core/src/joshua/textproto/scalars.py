@@ -80,7 +80,8 @@ class ScalarReader:
     def _enum(self, info: FieldInfo, value: Scalar, text: str, path: str) -> int | None:
         number = literals.plain_integer(text)
         if number is not None:
-            if number in info.enum.values_by_number:
+            known = info.enum.values_by_number.get(number)  # which cuts a number to 32 bits
+            if known is not None and known.number == number:
                 return number
             message = f"{info.enum.name} has no value of number {number}."
             names = [f"{item.name} ({item.number})" for item in info.enum.values]
