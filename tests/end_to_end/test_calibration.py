@@ -175,7 +175,7 @@ def test_status_and_stop_reach_it(arm: EmulatedBus, tmp_path: Path, env: dict[st
         assert re.search(r"`ssh -L (\d+):127\.0\.0\.1:\1 HOST`", run.text)
         shown = joshua(env, "status")
         assert shown.returncode == 0, shown.stderr
-        assert re.search(r"/leader_arm +ready +\d+ +0 +calibration: active", shown.stdout)
+        assert re.search(r"/leader_arm +ready +\d+\n +/leader_arm: calibration: active", shown.stdout)
         stopped = joshua(env, "stop")
         assert stopped.returncode == 0, stopped.stderr
         assert run.end() == 0

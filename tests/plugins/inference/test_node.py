@@ -346,7 +346,7 @@ def test_random_noise_runs_as_a_node() -> None:
         )
     )
     for _ in range(20):
-        wait_until(lambda: not node._loop._wants())
+        wait_until(lambda: node._loop._strategy.due(node._loop._next) is not None)
         context.tick("actions")
     end(context, node)
     drawn = np.array(actions(context))
