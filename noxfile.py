@@ -146,8 +146,8 @@ def mjx(session: nox.Session) -> None:
 def learn(session: nox.Session) -> None:
     """Real LeRobot, Gymnasium's own environments: requirements that fit no other session.
 
-    ``-- bench`` prints how fast data sets and policies are, ours and LeRobot's in the same run. ``-- soak``
-    kills trainings at random moments and compares what they become when they are continued.
+    ``-- bench`` prints how fast data sets, policies and loops are, ours and LeRobot's in the same run.
+    ``-- soak`` kills trainings at random moments and compares what they become when they are continued.
     """
     session.install("torch==2.13.0")
     session.install("--no-deps", "-r", "constraints-learn.txt")
