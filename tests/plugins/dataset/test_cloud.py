@@ -237,19 +237,22 @@ def test_a_remote_with_another_data_set(
     capsys.readouterr()
     assert run("upload", str(other), url) == 1
     error = capsys.readouterr().err
-    assert f"{url} holds a data set that differs: fps is 20 here and 10 there." in error
+    assert f"{url} holds a data set that differs: fps is 20 on this machine and 10 at the remote." in error
     assert run("download", url, str(other)) == 1
-    assert "differs: fps is 20 here and 10 there. Name another folder" in capsys.readouterr().err
+    assert (
+        "differs: fps is 20 on this machine and 10 at the remote. Name another folder"
+        in capsys.readouterr().err
+    )
     fewer = tmp_path / "fewer"
     write(fewer, lengths=(3,))
     assert run("upload", str(fewer), url) == 1
-    assert f"has 2 episodes, and {fewer} has 1: an upload would lose some" in capsys.readouterr().err
+    assert f"has 2 episodes, but {fewer} has 1: an upload would lose some" in capsys.readouterr().err
     anew = tmp_path / "anew"
     write(anew, lengths=(4, 2, 2))
     assert run("upload", str(anew), url) == 1
-    assert "has another episode 0: data/chunk-000/file-000.parquet differs" in capsys.readouterr().err
+    assert "has a different episode 0: data/chunk-000/file-000.parquet differs" in capsys.readouterr().err
     assert run("download", url, str(anew)) == 1
-    assert f"{anew} has 3 episodes, and {url} has 2" in capsys.readouterr().err
+    assert f"{anew} has 3 episodes, but {url} has 2" in capsys.readouterr().err
     assert run("upload", str(fewer), url, "--replace") == 0
     back = tmp_path / "back"
     assert run("download", url, str(back)) == 0
@@ -276,7 +279,7 @@ def test_credentials_that_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     if isinstance(remote.server, GcsServer | HubServer):
-        for status, expected in ((401, "missing, wrong or expired"), (403, "may not write or read")):
+        for status, expected in ((401, "missing, wrong or expired"), (403, "lack read or write permission")):
             remote.server.refusal = status
             assert run("upload", str(folder), url) == 1
             remote.server.refusal = 0
@@ -332,7 +335,7 @@ def test_any_scheme_of_fsspec(folder: Path, tmp_path: Path, capsys: pytest.Captu
     damaged = there / "data/chunk-000/file-001.parquet"
     damaged.write_bytes(damaged.read_bytes()[::-1])
     assert run("download", there.as_uri(), str(tmp_path / "back2")) == 1
-    assert "data/chunk-000/file-001.parquet has arrived damaged 3 times" in capsys.readouterr().err
+    assert "data/chunk-000/file-001.parquet arrived damaged 3 times" in capsys.readouterr().err
     assert run("upload", str(folder), there.as_uri(), "--replace") == 0
     assert "file:" in capsys.readouterr().out
     assert run("download", there.as_uri(), str(tmp_path / "back2")) == 0
@@ -350,7 +353,7 @@ def test_a_folder_of_something_else_is_left_alone(
     assert run("download", there, str(other)) == 1
     assert f"{other} is not empty and holds no data set. Name another folder" in capsys.readouterr().err
     assert run("upload", str(other), there) == 1
-    assert f"{other} is no data set: it has no meta/info.json" in capsys.readouterr().err
+    assert f"{other} is not a data set: it has no meta/info.json" in capsys.readouterr().err
     (folder / ".joshua/open").mkdir(parents=True, exist_ok=True)
     assert run("download", there, str(folder)) == 1
     assert f"Run `joshua dataset repair {folder}` first" in capsys.readouterr().err
@@ -397,15 +400,15 @@ def test_a_full_disk_keeps_what_is_complete(
 @pytest.mark.parametrize(
     ("address", "expected"),
     [
-        ("s4://bucket/x", "s4:// is no scheme that an installed library serves; allowed: hf://"),
+        ("s4://bucket/x", "s4:// is a scheme that no installed library supports; allowed: hf://"),
         ("bucket/x", "has no scheme such as s3://"),
-        ("hf://models/me/x", "names no data set of the Hub; allowed: hf://datasets/NAME/DATA"),
-        ("s3://", "names no folder"),
-        ("s3://bucket/../x", "names no folder"),
-        ("s3://AKIAIOSFODNN7EXAMPLE:wJalrXUtnFEMI@bucket/x", "holds a password or a token"),
-        ("sftp://me:wJalrXUtnFEMI@host/x", "holds a password or a token"),
-        ("hf://datasets/me/x?token=wJalrXUtnFEMI", "holds a password or a token"),
-        ("s3://bucket/hf_wJalrXUtnFEMI", "holds a password or a token"),
+        ("hf://models/me/x", "does not name a data set on the Hub; allowed: hf://datasets/NAME/DATA"),
+        ("s3://", "does not name a folder"),
+        ("s3://bucket/../x", "does not name a folder"),
+        ("s3://AKIAIOSFODNN7EXAMPLE:wJalrXUtnFEMI@bucket/x", "contains a password or a token"),
+        ("sftp://me:wJalrXUtnFEMI@host/x", "contains a password or a token"),
+        ("hf://datasets/me/x?token=wJalrXUtnFEMI", "contains a password or a token"),
+        ("s3://bucket/hf_wJalrXUtnFEMI", "contains a password or a token"),
     ],
 )
 def test_an_address_that_cannot_be_used(
@@ -424,7 +427,7 @@ def test_a_scheme_whose_library_is_missing(
     for scheme, path in (("s3", "b/x"), ("gs", "b/x"), ("hf", "datasets/me/x")):
         assert run("upload", str(folder), f"{scheme}://{path}") == 3
         error = capsys.readouterr().err
-        assert f"{scheme}:// needs " in error
+        assert f"{scheme}:// requires " in error
         assert f"dataset[{scheme}]'" in error
 
 
@@ -469,7 +472,7 @@ def test_ctrl_c_says_how_to_go_on(
     monkeypatch.setattr(store_module, "REPORT_PERIOD_S", 0)
     there = (tmp_path / "there").as_uri()
     assert run("upload", str(folder), there, "--jobs", "1") == 130
-    expected = "upload: stopped. 3 of 10 files are complete. Run the same command again to go on from there\n"
+    expected = "upload: stopped. 3 of 10 files are complete. Run the same command again to resume\n"
     assert capsys.readouterr().err == f"joshua dataset {expected}"
 
 

@@ -45,7 +45,7 @@ def test_tables_fit_the_terminal(
 def test_a_folder_without_a_data_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for action in ("info", "repair"):
         assert run(dataset, action, str(tmp_path)) == 1
-        expected = f"joshua dataset {action}: {tmp_path} is no data set: it has no meta/info.json\n"
+        expected = f"joshua dataset {action}: {tmp_path} is not a data set: it has no meta/info.json\n"
         assert capsys.readouterr().err == expected
 
 

@@ -65,7 +65,7 @@ def test_a_button_acts_when_it_goes_down(context: Any, caplog: pytest.LogCapture
 
 
 def test_two_meanings_of_one_button_are_refused() -> None:
-    with pytest.raises(ValueError, match="the button 'a' has two meanings"):
+    with pytest.raises(ValueError, match="the button 'a' has two functions"):
         StoreSettings(folder="/data", buttons={"record": "a", "keep": "a"})
 
 

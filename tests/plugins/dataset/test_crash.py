@@ -92,7 +92,7 @@ def test_cut_discards_the_unfinished_episode(tmp_path: Path) -> None:
 
 
 def test_repair_needs_a_data_set_without_a_writer(tmp_path: Path) -> None:
-    with pytest.raises(EpisodeError, match=r"is no data set: it has no meta/info\.json"):
+    with pytest.raises(EpisodeError, match=r"is not a data set: it has no meta/info\.json"):
         repair(tmp_path)
     writer = LeRobotWriter(killed_writer.layout(tmp_path / "set"))
     writer.open()

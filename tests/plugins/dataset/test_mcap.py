@@ -199,7 +199,10 @@ def test_frames_are_made_of_messages(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert run("check", str(tmp_path / "frames"), "--workers", "1") == 0
     assert run("convert", str(tmp_path / "set"), str(tmp_path / "csv"), "--format", "csv") == 0
     assert run("merge", str(tmp_path / "set"), str(tmp_path / "frames"), "--into", str(tmp_path / "x")) == 1
-    assert "holds messages and another data set frames: convert it before" in capsys.readouterr().err
+    assert (
+        "contains messages, but another data set contains frames: convert it before"
+        in capsys.readouterr().err
+    )
 
 
 def test_episodes_of_messages_are_deleted(tmp_path: Path) -> None:
@@ -227,7 +230,7 @@ def test_what_is_wrong_with_messages_is_found(tmp_path: Path, capsys: pytest.Cap
     said = capsys.readouterr().out
     assert "error: episode 0: messages.mcap has 6 whole messages, and 50 are described" in said
     assert "error: episode 0: it has no message of /arm/applied_command, which shows action" in said
-    assert "warning: episode 0: /arm/joint_states was silent for 1.94 s" in said
+    assert "warning: episode 0: /arm/joint_states has no message for 1.94 s" in said
     assert "messages.mcap is missing" in said
 
 

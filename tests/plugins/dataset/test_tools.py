@@ -120,7 +120,7 @@ def test_an_action_that_no_state_follows_is_found(tmp_path: Path) -> None:
     [
         ("frame_index", lambda values: values + 1, "frame_index does not count from 0 without gaps"),
         ("timestamp", lambda values: values * 2, "timestamp is up to 2.950 s away from frame_index / fps"),
-        ("stamp_ns", lambda values: values[::-1], "stamp_ns does not rise"),
+        ("stamp_ns", lambda values: values[::-1], "stamp_ns does not increase"),
         (
             "stamp_ns",
             lambda values: np.where(values > 2e9, values + 10**9, values),
@@ -322,7 +322,7 @@ def test_v21_is_read_and_converted(tmp_path: Path) -> None:
 def test_a_path_out_of_the_data_set_is_refused(tmp_path: Path) -> None:
     write(tmp_path / "a")
     rewrite(tmp_path / "a" / INFO, lambda info: info | {"data_path": "../../{chunk_index}{file_index}"})
-    with pytest.raises(DatasetError, match="leads out of the data set"):
+    with pytest.raises(DatasetError, match="is outside the data set"):
         list(Dataset.read(tmp_path / "a").episode_list())
 
 

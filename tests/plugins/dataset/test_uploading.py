@@ -53,7 +53,7 @@ def cell(folder: Path, fields: str) -> str:
 @pytest.mark.parametrize(
     ("fields", "expected"),
     [
-        ('storage: STORAGE_CLOUD local_path: "d"', "STORAGE_CLOUD needs remote_url, the address"),
+        ('storage: STORAGE_CLOUD local_path: "d"', "STORAGE_CLOUD requires remote_url, the address"),
         (
             'storage: STORAGE_CLOUD remote_url: "hf://datasets/me/d"',
             "A recording is written to this machine before it is uploaded",
@@ -68,7 +68,7 @@ def cell(folder: Path, fields: str) -> str:
         ),
         (
             'storage: STORAGE_CLOUD local_path: "d" remote_url: "s4://b/d"',
-            "remote_url cannot be used: s4:// is no scheme that an installed library serves",
+            "remote_url cannot be used: s4:// is a scheme that no installed library supports",
         ),
         (
             'storage: STORAGE_LOCAL local_path: "d" remote_url: "s3://b/d" upload: AT_END',
@@ -76,11 +76,11 @@ def cell(folder: Path, fields: str) -> str:
         ),
         (
             'storage: STORAGE_CLOUD local_path: "d" remote_url: "s3://me:hunter2hunter2@b/d"',
-            "remote_url cannot be used: the address holds a password or a token",
+            "remote_url cannot be used: the address contains a password or a token",
         ),
         (
             'storage: STORAGE_CLOUD local_path: "d" remote_url: "s3://b/d?secret=hunter2hunter2"',
-            "remote_url cannot be used: the address holds a password or a token",
+            "remote_url cannot be used: the address contains a password or a token",
         ),
     ],
 )
@@ -129,7 +129,7 @@ def test_each_episode_is_uploaded_while_the_next_is_recorded(joshua: JoshuaProgr
     shutil.move(tmp_path / "away", there)
     _, errors = joshua.stop(process)
     assert process.returncode == 0, errors
-    assert "the recording goes on, and the next upload tries again" in errors
+    assert "the recording continues, and the next upload retries" in errors
     assert Dataset.read(there).episodes == 2
     assert (there / "SHA256SUMS").exists()
 

@@ -294,7 +294,7 @@ def test_what_cannot_be_kept_is_refused(tmp_path: Path) -> None:
     with pytest.raises(EpisodeError, match="31 x 24: a video needs an even width and height"):
         LeRobotWriter(layout(tmp_path / "odd", width=31)).open()
     scans = FeatureSet([Feature("observation.scan", "float32", (0,))])
-    with pytest.raises(EpisodeError, match=r"scan has the shape \(0,\), which no column can have"):
+    with pytest.raises(EpisodeError, match=r"scan has the shape \(0,\), which no column can hold"):
         LeRobotWriter(DatasetLayout(tmp_path / "scan", "arm", 10, scans)).open()
     with writing(tmp_path / "other") as writer:
         with pytest.raises(EpisodeError, match=r"a frame lacks action, observation\.images\.top"):

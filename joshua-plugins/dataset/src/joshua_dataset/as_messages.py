@@ -1,4 +1,4 @@
-"""The values of a frame as ROS 2 messages, for bags that are made of data sets."""
+"""Convert the values of frames to ROS 2 messages, for bags made from data sets."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from joshua.messages.make import header, joint_state
 
 from joshua_dataset.pictures import encoded
 
-#: Name of a data set's entry for the ranges that LeRobot's units are made of.
+#: Name of a data set's entry for the joint ranges that define LeRobot's units.
 CALIBRATION = "calibration of "
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
-#: Suffix of LeRobot's names of joints.
+#: Suffix of LeRobot's joint names.
 SUFFIX = ".pos"
 
 
 class Messages:
-    """Makes the messages of frames.
+    """Converter of frames to messages.
 
     Joint positions become a JointState in radians, pictures a CompressedImage, other numbers a
-    Float64MultiArray. So do positions in LeRobot's units, if the data set lacks the calibration that they
-    are converted with.
+    Float64MultiArray. Positions in LeRobot's units become a Float64MultiArray, too, if the data set lacks
+    the calibration for their conversion.
 
     Args:
         layout: of the frames.
@@ -38,7 +38,7 @@ class Messages:
         self._units = {key: units_of(layout.identity, key) for key in layout.features}
 
     def of_frame(self, stamp_ns: int, values: Mapping[str, Any]) -> list[tuple[str, Any]]:
-        """Topic and message of each feature."""
+        """Return the topic and message of each feature."""
         return [self._message(feature, values[key], stamp_ns) for key, feature in self._features.items()]
 
     def _message(self, feature: Feature, value: Any, stamp_ns: int) -> tuple[str, Any]:
@@ -68,17 +68,17 @@ class Messages:
 
 
 def topic_of(feature: Feature) -> str:
-    """The topic that shows a feature in messages that are made of frames."""
+    """Return the topic of a feature in messages made from frames."""
     return "/" + feature.key.replace(".", "/") + ("/compressed" if feature.is_picture else "")
 
 
 def calibration_text(joints: Sequence[JointRange]) -> str:
-    """The ranges of joints as a data set keeps them."""
+    """Return joint ranges in the form that a data set stores."""
     return " ".join(f"{joint.name}:{joint.min_rad:.4f}:{joint.max_rad:.4f}" for joint in joints)
 
 
 def units_of(identity: Mapping[str, str], key: str) -> JointUnits | None:
-    """The units of a feature by the ranges that a data set keeps; None if it keeps none."""
+    """Return the units of a feature from the ranges stored in a data set; None if it stores none."""
     text = identity.get(f"{CALIBRATION}{key}", "")
     try:
         parts = [part.rsplit(":", 2) for part in text.split()]

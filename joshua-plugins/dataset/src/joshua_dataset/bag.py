@@ -16,10 +16,10 @@ from joshua.messages.typestore import definitions, distro, type_hash
 FILE = "messages.mcap"
 METADATA = "metadata.yaml"
 
-#: A chunk is on its way to the disk when it is full, so a small one keeps little from a reader after a kill.
+#: A chunk is written when it is full, so a small one limits what a kill can lose.
 CHUNK_BYTES = 4096
 
-#: Time after which what was written is handed to the operating system.
+#: Longest time before written data is flushed to the operating system.
 FLUSH_S = 0.25
 
 
@@ -34,16 +34,16 @@ class _Topic:
 
 
 class Bag:
-    """Writes one episode.
+    """Writer of one episode.
 
     Args:
-        folder: of the bag; it is created.
+        folder: of the bag, which is created.
 
     Attributes:
-        count: messages; begin_ns, end_ns: of their log times, 0 without any.
+        count: of messages; begin_ns, end_ns: first and last log time, 0 without messages.
 
     Raises:
-        OSError: the disk refuses it; so do the methods.
+        OSError: writing fails. The methods raise it, too.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -61,7 +61,7 @@ class Bag:
 
     @property
     def length_s(self) -> float:
-        """From the first to the last message."""
+        """Time from the first to the last message."""
         return (self.end_ns - self.begin_ns) / 1e9
 
     def add(self, topic: str, type_name: str, data: bytes, log_ns: int, publish_ns: int) -> None:
@@ -89,7 +89,7 @@ class Bag:
 
     def drop(self) -> None:
         """Close the file, complete or not."""
-        with contextlib.suppress(OSError):  # what is buffered goes nowhere
+        with contextlib.suppress(OSError):  # buffered data is dropped anyway
             self._file.close()
 
     def _declared(self, topic: str, type_name: str) -> _Topic:
@@ -102,7 +102,7 @@ class Bag:
         return made
 
     def _metadata(self) -> dict[str, Any]:
-        """What rosbag2 keeps beside a bag; JSON is YAML, too."""
+        """Return rosbag2's metadata of a bag as JSON, which is valid YAML."""
         span = {
             "starting_time": {"nanoseconds_since_epoch": self.begin_ns},
             "duration": {"nanoseconds": self.end_ns - self.begin_ns},
@@ -138,7 +138,7 @@ class Bag:
 
 
 def completed(torn: Path, folder: Path) -> Bag:
-    """Copy the messages of a bag that a kill left unfinished into a new one, which is complete then."""
+    """Copy the messages of an unfinished bag into a new, complete one."""
     bag = Bag(folder)
     for topic, type_name, message in messages(torn / FILE):
         bag.add(topic, type_name, message.data, message.log_time, message.publish_time)
@@ -147,7 +147,7 @@ def completed(torn: Path, folder: Path) -> Bag:
 
 
 def messages(path: Path) -> Iterator[tuple[str, str, Any]]:
-    """Yield topic, type and record of each message in a file, as far as the file is whole."""
+    """Yield topic, type and record of each intact message in a file."""
     from mcap.exceptions import McapError
     from mcap.records import Channel, Message, Schema
     from mcap.stream_reader import StreamReader
@@ -162,7 +162,7 @@ def messages(path: Path) -> Iterator[tuple[str, str, Any]]:
             try:
                 record = next(records)
             except (StopIteration, McapError, ValueError, EOFError, IndexError, struct.error):
-                return  # the end, or a torn chunk
+                return  # the end, or a truncated chunk
             if isinstance(record, Schema):
                 schemas[record.id] = record
             elif isinstance(record, Channel):

@@ -1,4 +1,4 @@
-"""Control of a recording by the buttons of a gamepad, as its ``sensor_msgs/msg/Joy`` shows them."""
+"""Control a recording with the buttons of a gamepad, from its ``sensor_msgs/msg/Joy``."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ NAMES = (
 
 
 class Buttons:
-    """Calls an action when its button goes down; a button that is held at first counts after its release.
+    """Calls an action when its button is pressed; a button held at the start counts only after its release.
 
     Args:
-        context: of the node; actions: what a button does, by its name.
+        context: of the node; actions: by the name of their button.
     """
 
     def __init__(self, context: NodeContext, actions: Mapping[str, Callable[[], str]]) -> None:
@@ -32,7 +32,7 @@ class Buttons:
         self._pressed: queue.Queue[Callable[[], str]] = queue.Queue(4)
 
     def take(self, message: Any, received_ns: int) -> None:
-        """Take a state of the gamepad (on a transport's thread)."""
+        """Receive a state of the gamepad (on a transport thread)."""
         del received_ns
         held = {number for number, value in enumerate(message.buttons) if value}
         new = held - (held if self._held is None else self._held)
@@ -42,7 +42,7 @@ class Buttons:
                 self._pressed.put(self._actions[number])
 
     def run(self) -> None:
-        """Carry out what is pressed, until the node stops (on a thread of its own)."""
+        """Run the actions of pressed buttons until the node stops (on its own thread)."""
         while not self._context.stopping:
             try:
                 action = self._pressed.get(timeout=0.2)

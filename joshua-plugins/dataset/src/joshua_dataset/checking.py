@@ -1,4 +1,4 @@
-"""Finds what spoils a data set for training: gaps, frozen pictures, jumps, actions without motion."""
+"""Find what makes a data set unfit for training: gaps, frozen pictures, jumps, actions without motion."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from joshua_dataset.jobs import in_order
 from joshua_dataset.metadata import ACQUISITION, MESSAGES, STAMP
 from joshua_dataset.reader import Dataset, DatasetError, Episode
 
-#: A picture that does not change for so long counts as frozen.
+#: A picture that does not change for this time counts as frozen.
 FROZEN_S = 0.5
 
-#: Share of pictures that repeat the one before, from which on it is said.
+#: Share of repeated pictures from which a warning is given.
 LARGEST_REPEATED = 0.02
 
-#: How far the mean of pictures in the statistics, which are made of some of them, may be from the data.
+#: Largest difference between the mean of all pictures and that of the statistics, which sample them.
 PICTURE_MEAN = 0.1
 
 #: Step of a joint between two frames that counts as a jump at 30 Hz, by unit.
 LARGEST_STEP = {"rad": 0.5, "deg": 30.0, "lerobot": 25.0}
 
-#: Share of its range by which a joint may leave it: noise.
+#: Share of its range by which a joint may exceed it because of noise.
 MARGIN = 0.05
 
 #: Values beyond these are outside the calibrated range by more than noise.
 LIMITS = {"lerobot": 105.0}
 
-#: An action that moves by more than this and a state that moves by a tenth of it: nothing follows.
+#: An action that moves by more than this while its state moves by less than a tenth of it: nothing follows.
 LEAST_MOTION = {"rad": 0.1, "deg": 6.0, "lerobot": 6.0}
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong.
+    """One problem of a data set.
 
     Attributes:
         episode: its index, -1 for the data set as a whole; text: what was found, and where.
@@ -59,7 +59,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Extent:
-    """The extent of some values of a feature.
+    """Range, sum and count of some values of a feature.
 
     Attributes:
         low, high: of each of its numbers, None for pictures; total: their sum; count: how many.
@@ -72,12 +72,12 @@ class Extent:
 
     @classmethod
     def of(cls, rows: npt.NDArray[Any]) -> Extent:
-        """Of the rows of a table, (N, D)."""
+        """Return the extent of the rows of a table, (N, D)."""
         values = rows.reshape(len(rows), -1).astype(np.float64)
         return cls(values.min(axis=0), values.max(axis=0), values.sum(axis=0), len(values))
 
     def joined(self, other: Extent) -> Extent:
-        """Of both."""
+        """Return the extent of both."""
         total, count = self.total + other.total, self.count + other.count
         if self.low is None:
             return Extent(None, None, total, count)
@@ -88,7 +88,7 @@ def check(folder: Path, *, pictures: bool = True, workers: int | None = None) ->
     """Find the problems of a data set, episode by episode.
 
     Args:
-        pictures: decode them, too; workers: processes, None for one a core.
+        pictures: decode them, too; workers: processes, None for one per core.
 
     Raises:
         DatasetError: it cannot be read at all.
@@ -121,14 +121,14 @@ def _statistics(dataset: Dataset, ends: Mapping[str, Extent]) -> Iterator[Proble
     for key, extent in ends.items():
         known = there.get(key)
         if known is None:
-            yield Problem(-1, f"meta/stats.json has nothing of {key}")
+            yield Problem(-1, f"meta/stats.json lacks {key}")
             continue
         near = {"min": 1e-4, "max": 1e-4, "mean": PICTURE_MEAN}
         expected_by_name = {"min": extent.low, "max": extent.high, "mean": extent.total / extent.count}
         if extent.low is None:
             del expected_by_name["min"], expected_by_name["max"]
         elif dataset.features[key].unit == "ns":
-            del expected_by_name["mean"]  # of times, which is lost in rounding
+            del expected_by_name["mean"]  # the mean of times is lost in rounding
         else:
             near["mean"] = 1e-4 + 1e-3 * float(np.max(extent.high - extent.low))
         for name, expected in expected_by_name.items():
@@ -196,7 +196,7 @@ def _numbers(
     if STAMP in columns:
         steps_s = np.diff(columns[STAMP]) / 1e9
         if np.any(steps_s <= 0):
-            yield f"{STAMP} does not rise", True
+            yield f"{STAMP} does not increase", True
         gaps = int(np.sum(steps_s > 1.5 / dataset.fps))
         if gaps:
             yield f"{gaps} gaps in the recording, the longest {steps_s.max():.2f} s", False
@@ -255,7 +255,7 @@ def _followed(dataset: Dataset, columns: Mapping[str, npt.NDArray[Any]]) -> Iter
 
 
 def _repeated(dataset: Dataset, columns: Mapping[str, npt.NDArray[Any]]) -> Iterator[tuple[str, bool]]:
-    """Pictures that stand in two frames: their camera is slower than the frames."""
+    """Find pictures that occur in two frames, because their camera is slower than the frame rate."""
     for number, key in enumerate(dataset.features[ACQUISITION].names if ACQUISITION in columns else ()):
         if key in dataset.features and dataset.features[key].is_picture:
             steps = np.diff(columns[ACQUISITION][:, number])
@@ -293,7 +293,7 @@ def _pictures(dataset: Dataset, episode: Episode, key: str, seen: _Seen) -> Iter
         yield f"frozen for {longest / dataset.fps:.1f} s from {at / dataset.fps:.1f} s on", False
     elif count > 1 and longest + 1 == count and count / dataset.fps >= FROZEN_S:
         yield "every picture is the same", False
-    elif ACQUISITION not in dataset.features:  # which tells it exactly
+    elif ACQUISITION not in dataset.features:  # which shows it exactly
         yield from (
             (text.partition(": ")[2], serious) for text, serious in _repetitions(key, repeated, count)
         )

@@ -1,4 +1,4 @@
-"""Spoken cues for a person whose hands and eyes are at the robot."""
+"""Spoken cues for a person whose hands and eyes are on the robot."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import subprocess
 
 from joshua.api import NodeContext
 
-#: Programs that speak a text, with what stands before it; the first that is installed is used.
+#: Text-to-speech programs and their arguments; the first installed one is used.
 SPEAKERS = (("spd-say", "--"), ("espeak-ng", "--"), ("espeak", "--"), ("say",))
 
 
 class Cues:
-    """Speaks short texts, one after the other; a newer one replaces those that wait.
+    """Speaks short texts, one after the other; a newer text replaces waiting ones.
 
     Args:
-        context: of the node; spoken: speak at all.
+        context: of the node; spoken: whether to speak.
     """
 
     def __init__(self, context: NodeContext, *, spoken: bool) -> None:
@@ -33,19 +33,19 @@ class Cues:
         context.warn(f"spoken_cues has no effect: none of {names} is installed. Run `apt install espeak-ng`")
 
     def say(self, text: str) -> None:
-        """Speak a text; never waits."""
+        """Speak a text without blocking."""
         self._waiting = text
         self.tick()
 
     def close(self) -> None:
-        """End what is being said."""
+        """Stop speaking."""
         self._waiting = ""
         if self._speaking is not None:
             self._speaking.kill()
             self._speaking.wait()
 
     def tick(self) -> None:
-        """Go on with what waits; called now and then."""
+        """Speak the waiting text, if any; called periodically."""
         busy = self._speaking is not None and self._speaking.poll() is None
         if busy or not self._waiting or not self._command:
             return

@@ -1,4 +1,4 @@
-"""Decodes pictures of data sets that anybody may have written: no size is believed before it is checked."""
+"""Decode pictures of untrusted data sets: every size is checked before it is used."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class DatasetError(Exception):
 
 @dataclass(frozen=True)
 class Pictures:
-    """Where the pictures of one feature of an episode stand.
+    """Location of the pictures of one feature in an episode.
 
     Attributes:
         path: of a video, a folder of picture files, or the table that holds them.
@@ -35,13 +35,13 @@ class Pictures:
 
 
 def picture_of(data: bytes, path: Path, height: int, width: int) -> npt.NDArray[np.uint8]:
-    """Decodes a picture of a known size. Raises DatasetError and av.FFmpegError."""
+    """Decode a picture of a known size. Raises DatasetError and av.FFmpegError."""
     container: Any
     with av.open(io.BytesIO(data)) as container:
         _fits(container.streams.video[0], path, height, width)
         for picture in container.decode(video=0):
             return _rgb(picture, path, height, width)
-    raise DatasetError(f"{path} holds no picture")
+    raise DatasetError(f"{path} does not contain a picture")
 
 
 def pictures_of_video(where: Pictures, fps: int, height: int, width: int) -> Iterator[npt.NDArray[np.uint8]]:
@@ -75,7 +75,7 @@ def _fits(stream: Any, path: Path, height: int, width: int) -> None:
         )
     if found != (height, width):
         raise _other_size(path, found[0], found[1], height, width)
-    # a stream can change its size between two pictures; decoders need some pixels more than they show
+    # a stream can change its size between two pictures; decoders need a few more pixels than they show
     stream.codec_context.options = {"max_pixels": str((height + 256) * (width + 256))}
 
 
@@ -93,7 +93,7 @@ def _rgb(picture: Any, path: Path, height: int, width: int) -> npt.NDArray[np.ui
 
 
 def picture_at(where: Pictures, number: int, fps: int, height: int, width: int) -> npt.NDArray[np.uint8]:
-    """One picture of an episode in a video, decoded from the key frame before it.
+    """Return one picture of an episode in a video, decoded from the preceding key frame.
 
     Raises DatasetError and av.FFmpegError.
     """

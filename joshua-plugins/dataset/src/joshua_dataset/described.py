@@ -1,4 +1,4 @@
-"""What a recording holds: features from the plan's facts and first messages, in the units of the data set."""
+"""Content of a recording: features from the plan's facts and first messages, in the units of the data set."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from joshua_dataset.streams import Stream, picture
 
 
 class Description:
-    """Describes the frames of a recording, and converts them.
+    """Description and conversion of the frames of a recording.
 
     Args:
-        settings: of the store; facts: what the robot shows and does; streams: what is recorded.
+        settings: of the store; facts: observations and actions of the robot; streams: recorded topics.
 
     Attributes:
-        features: of the data set; those of unknown shape become known by ``look``.
+        features: of the data set; ``look`` fills in unknown shapes.
     """
 
     def __init__(self, settings: StoreSettings, facts: ServiceFacts, streams: Collection[Stream]) -> None:
@@ -45,7 +45,7 @@ class Description:
         self.features = FeatureSet([*(self._seen(stream) for stream in self._streams), acquisition])
 
     def layout(self, *, resume: bool) -> DatasetLayout:
-        """The layout of the data set."""
+        """Return the layout of the data set."""
         return DatasetLayout(
             folder=Path(self._settings.folder),
             robot_type=self._facts.robot_type,
@@ -55,7 +55,7 @@ class Description:
             pictures=self._settings.pictures,
             resume=resume,
             identity={
-                # what an appended episode must share: the calibrated ranges that the units are made of
+                # an appended episode must share the calibrated ranges, which define the units
                 f"{CALIBRATION}{key}": calibration_text(joints)
                 for key, joints in self._facts.arms.items()
             },
@@ -63,7 +63,7 @@ class Description:
         )
 
     def converted(self, frame: Frame) -> Frame:
-        """A frame in the units of the data set. Raises MessageError and DatasetError."""
+        """Convert a frame to the units of the data set. Raises MessageError and DatasetError."""
         values = {key: self._value(key, value) for key, value in frame.values.items()}
         values[ACQUISITION] = np.array([frame.stamps_ns[key] for key in self._keys], np.int64)
         return replace(frame, values=values)

@@ -1,4 +1,4 @@
-"""Gives a data set to the viewers of others: Foxglove and rosbag2 by MCAP, Rerun by its own files."""
+"""Export a data set for other viewers: MCAP for Foxglove and rosbag2, ``.rrd`` for Rerun."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def export(folder: Path, target: Path, kind: str, progress: Progress = lambda do
         target: new folder; kind: ``mcap`` or ``rerun``.
 
     Raises:
-        EpisodeError, DatasetError: the data set cannot be read, the target is taken, or a library is missing.
+        EpisodeError, DatasetError: the data set cannot be read, the target exists, or a library is missing.
     """
     dataset = Dataset.read(folder)
     write = _mcap if kind == "mcap" else _rerun
@@ -36,7 +36,7 @@ def export(folder: Path, target: Path, kind: str, progress: Progress = lambda do
 
 
 def _frames(dataset: Dataset, episode: Episode) -> Iterator[Frame]:
-    """The frames of an episode; times of the index where it has no others."""
+    """Yield the frames of an episode; their times follow the frame index if none are recorded."""
     columns = dataset.columns(episode)
     pictures = {item.key: dataset.decoded(episode, item.key) for item in dataset.features.pictures}
     for number in range(episode.length):

@@ -1,4 +1,4 @@
-"""Durable file operations: a change of a data set survives a power cut, or never happened."""
+"""Durable file operations: after a power cut, a change of a data set is either complete or absent."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ class Files:
     """The operations whose order decides what a power cut leaves behind."""
 
     def sync(self, path: Path) -> None:
-        """Brings the content of a file to the disk. Raises OSError."""
+        """Flush the content of a file to the disk. Raises OSError."""
         self._sync(path, os.O_RDONLY)
 
     def sync_folder(self, folder: Path) -> None:
-        """Brings the names in a folder to the disk. Raises OSError."""
+        """Flush the names in a folder to the disk. Raises OSError."""
         self._sync(folder, os.O_RDONLY | os.O_DIRECTORY)
 
     def replace(self, source: Path, target: Path) -> None:
-        """Puts a file in its place. Raises OSError."""
+        """Move a file into place. Raises OSError."""
         source.replace(target)
 
     def make_folder(self, folder: Path) -> None:
-        """Creates a folder with its parents, names synced. Raises OSError."""
+        """Create a folder and its parents, and flush their names. Raises OSError."""
         if folder.is_dir():
             return
         if folder.exists():
@@ -52,7 +52,7 @@ class Staging:
     """The files of one change of a data set; readers see none of them before ``commit``.
 
     Args:
-        files: carries the change out.
+        files: file operations.
     """
 
     def __init__(self, files: Files) -> None:
@@ -61,10 +61,10 @@ class Staging:
         self._moved: list[tuple[Path, Path]] = []
 
     def table(self, path: Path, table: pa.Table) -> None:
-        """Writes a table in the format that the suffix names: ``.parquet``, ``.csv`` or ``.jsonl``.
+        """Write a table in the format that the suffix names: ``.parquet``, ``.csv`` or ``.jsonl``.
 
         Raises:
-            OSError, pyarrow.ArrowException: the disk refuses it.
+            OSError, pyarrow.ArrowException: writing fails.
         """
         fresh = self._fresh(path)
         if path.suffix == ".csv":
@@ -77,19 +77,19 @@ class Staging:
             pq.write_table(table, fresh, compression="snappy")
 
     def json(self, path: Path, value: Any) -> None:
-        """Writes a value. Raises OSError."""
+        """Write a value as JSON. Raises OSError."""
         self._fresh(path).write_text(json.dumps(value, indent=4) + "\n", encoding="utf-8")
 
     def move(self, source: Path, path: Path) -> None:
-        """Takes a file or folder that is complete and stands on the same disk. Raises OSError."""
+        """Add a complete file or folder from the same disk. Raises OSError."""
         self._files.make_folder(path.parent)
         self._moved.append((source, path))
 
     def commit(self) -> None:
-        """Puts everything in its place; the file that was written last follows when all others are safe.
+        """Move everything into place; the last file written follows when all others are safe on the disk.
 
         Raises:
-            OSError: the disk refuses it.
+            OSError: moving fails.
         """
         for fresh, _ in self._staged:
             self._files.sync(fresh)
@@ -107,7 +107,7 @@ class Staging:
         self._files.sync_folder(last[1].parent)
 
     def discard(self) -> None:
-        """Removes what was written and is not in its place."""
+        """Remove written files that are not in place."""
         for fresh, _ in self._staged:
             with contextlib.suppress(OSError):
                 fresh.unlink(missing_ok=True)

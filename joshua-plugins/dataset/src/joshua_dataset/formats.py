@@ -1,4 +1,4 @@
-"""The writers of data sets by the name of their format."""
+"""Writers of data sets by format name."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ _WRITERS: dict[str, type[DatasetWriter]] = {
 
 
 def writer_of(table_format: str) -> type[DatasetWriter]:
-    """The writer of a format. Raises KeyError."""
+    """Return the writer of a format. Raises KeyError."""
     return _WRITERS[table_format]

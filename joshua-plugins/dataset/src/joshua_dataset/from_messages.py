@@ -1,4 +1,4 @@
-"""Frames of recorded ROS 2 messages, aligned as the recorder would have done it, by acquisition time."""
+"""Frames from recorded ROS 2 messages, aligned by acquisition time as the recorder aligns them."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class MessageFrames:
         dataset: of messages; episode: of it.
 
     Attributes:
-        counts: frames that lacked a value, once all were made.
+        counts: frames that lacked a value; complete after the iteration.
 
     Raises:
-        DatasetError: the data set does not say which topic shows which feature.
+        DatasetError: the data set does not say which topic carries which feature.
     """
 
     def __init__(self, dataset: Dataset, episode: Episode) -> None:
@@ -45,7 +45,7 @@ class MessageFrames:
         shown = [item for item in dataset.features.values() if item.key != ACQUISITION]
         lost = [item.key for item in shown if item.key not in topics]
         if lost:
-            raise DatasetError(f"{dataset.folder} does not say which topic shows {', '.join(lost)}")
+            raise DatasetError(f"{dataset.folder} does not say which topic carries {', '.join(lost)}")
         self._streams = {topics[item.key]: Stream(replace(item, topic=topics[item.key])) for item in shown}
         self.counts: dict[str, int] = {}
 
@@ -73,7 +73,7 @@ class MessageFrames:
             yield self._converted(frame)
 
     def _look_ahead(self) -> int | None:
-        """Fill the streams with their first messages; the first time, or None without any message."""
+        """Fill the streams with their first messages; return the first time, None without a message."""
         seen: Counter[str] = Counter()
         begin_ns = None
         for topic, type_name, record in messages(self._path):
@@ -94,7 +94,7 @@ class MessageFrames:
             raise DatasetError(f"{self._path}: a message of {topic} cannot be read: {error}") from error
 
     def _numbers(self, feature: Feature, message: Any) -> Any:
-        """The numbers of a message, joints in the unit of the data set."""
+        """Return the numbers of a message, joints in the unit of the data set."""
         names = tuple(name.removesuffix(SUFFIX) for name in feature.names)
         try:
             values = np.asarray(array_of(message, names))
@@ -122,7 +122,7 @@ class MessageFrames:
 
 
 def problems(dataset: Dataset, episode: Episode) -> Iterator[tuple[str, bool]]:
-    """What is wrong with an episode of messages, and whether it is serious."""
+    """Yield each problem of an episode of messages, and whether it is serious."""
     stamps: dict[str, list[int]] = {}
     path = episode.table / FILE
     if not path.is_file():
@@ -140,11 +140,11 @@ def problems(dataset: Dataset, episode: Episode) -> Iterator[tuple[str, bool]]:
         yield f"{path.name} has {count} whole messages, and {episode.length} are described", True
     for key, topic in dataset.topics.items():
         if topic not in stamps and not Stream(dataset.features[key]).is_latched:
-            yield f"it has no message of {topic}, which shows {key}", True
+            yield f"it has no message of {topic}, which carries {key}", True
     for topic, found in stamps.items():
         steps_s = np.diff(np.array(found)) / 1e9
         if len(steps_s) and steps_s.min() <= 0:
-            yield f"the stamps of {topic} do not rise", False
+            yield f"the stamps of {topic} do not increase", False
         gap_s = max(0.5, 5 * float(np.median(steps_s))) if len(steps_s) else 0.0
         if topic in dataset.topics.values() and len(steps_s) and steps_s.max() > gap_s:
-            yield f"{topic} was silent for {steps_s.max():.2f} s", False
+            yield f"{topic} has no message for {steps_s.max():.2f} s", False

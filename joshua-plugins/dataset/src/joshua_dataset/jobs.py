@@ -1,4 +1,4 @@
-"""Work on many episodes at once: the results come in order, whatever the number of workers."""
+"""Parallel work on many episodes; results come in order, whatever the number of workers."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ def in_order(
 ) -> Iterator[Result]:
     """Apply a function to items in several processes; yield the results in the order of the items.
 
-    At most two items a worker are under way, so that memory does not grow with their number.
+    At most two items per worker are in progress, which bounds the use of memory.
 
     Args:
-        function: of a module, so that another process finds it; its exception is raised here.
-        workers: processes; None for one a core, 1 for none beside this one.
+        function: at module level, which another process can import; its exception is raised here.
+        workers: processes; None for one per core, 1 to work in this process.
     """
     count = workers if workers is not None else len(os.sched_getaffinity(0))
     if count <= 1:

@@ -1,4 +1,4 @@
-"""One writer for each data set: a lock that names its owner and ends with the owner's process."""
+"""Lock that allows one writer per data set, names its owner and ends with the owner's process."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from typing import Any
 
 from joshua.features import EpisodeError
 
-#: Folder of the writer's own files inside a data set; no reader of LeRobot's layout looks into it.
+#: Folder of the writer's own files inside a data set; readers of LeRobot's layout ignore it.
 PRIVATE = ".joshua"
 
 
 class WriterLock:
-    """Excludes a second writer of a data set.
+    """Lock against a second writer of a data set.
 
     Args:
         folder: of the data set.
@@ -30,7 +30,7 @@ class WriterLock:
         self._file: Any = None
 
     def take(self) -> None:
-        """Takes the lock. Raises EpisodeError that names the owner, and OSError."""
+        """Take the lock. Raises EpisodeError that names the owner, and OSError."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
         while True:
             file = self._path.open("a+", encoding="utf-8")
@@ -44,7 +44,7 @@ class WriterLock:
             except OSError:
                 file.close()
                 raise
-            # the owner before may have removed the file that was locked here
+            # the previous owner may have removed the file that was locked here
             if self._path.exists() and os.path.samestat(os.fstat(file.fileno()), self._path.stat()):
                 break
             file.close()
@@ -55,7 +55,7 @@ class WriterLock:
         file.flush()
 
     def require_free(self) -> None:
-        """Find out whether another process writes, and change nothing. Raises EpisodeError that names it."""
+        """Check that no other process writes, without a change. Raises EpisodeError that names it."""
         with contextlib.suppress(OSError), self._path.open(encoding="utf-8") as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -63,9 +63,9 @@ class WriterLock:
                 raise self._taken(file.read()) from None
 
     def release(self) -> None:
-        """Gives the lock back. Idempotent."""
+        """Release the lock. Idempotent."""
         if self._file is not None:
-            with contextlib.suppress(OSError):  # the disk may have gone
+            with contextlib.suppress(OSError):  # the disk may be disconnected
                 self._path.unlink(missing_ok=True)
                 self._path.parent.rmdir()
             self._file.close()

@@ -29,7 +29,7 @@ _BAG = "bag"
 
 
 class McapWriter(DatasetWriter):
-    """See ``DatasetWriter``; takes messages as they come, or makes them of frames.
+    """See ``DatasetWriter``; accepts messages as received, or makes them from frames.
 
     Its frames are messages.
     """
@@ -44,7 +44,7 @@ class McapWriter(DatasetWriter):
 
     @property
     def open_frames(self) -> int:
-        """Messages of the open episode."""
+        """Number of messages in the open episode."""
         return self._bag.count if self._bag is not None else 0
 
     @property
@@ -54,7 +54,7 @@ class McapWriter(DatasetWriter):
 
     @property
     def busy_s(self) -> float:
-        """Processor time that messages have taken."""
+        """Processor time spent on messages."""
         return self._encoding_s
 
     def add_message(self, topic: str, message: Any, log_ns: int, publish_ns: int) -> None:
@@ -92,10 +92,10 @@ class McapWriter(DatasetWriter):
             open_episode.remove(self.layout.folder)
 
     def complete(self, journal: Mapping[str, Any]) -> float:
-        """Keep what a kill has left of the open episode; return its length in seconds, 0 for none of it.
+        """Keep what a kill has left of the open episode; return its length in seconds, 0 if nothing is left.
 
         Raises:
-            EpisodeError: the disk refuses it.
+            EpisodeError: writing fails.
         """
         folder = open_folder(self.layout.folder)
         whole = folder / "whole"
@@ -157,7 +157,7 @@ class McapWriter(DatasetWriter):
         }
 
     def _topics(self) -> dict[str, str]:
-        """Which topic shows which feature."""
+        """Return the topic of each feature."""
         features = self.layout.features.values()
         return {item.key: item.topic or topic_of(item) for item in features if item.key != ACQUISITION}
 

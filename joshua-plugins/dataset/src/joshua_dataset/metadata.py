@@ -14,7 +14,7 @@ from joshua_dataset.pictures import ENCODERS, PIXEL_FORMAT
 
 VERSION = "v3.0"
 
-#: Files in one folder.
+#: Number of files in one folder.
 CHUNK_SIZE = 1000
 
 #: Suffix of the tables by format; ``lerobot`` has LeRobot's layout, the others the same columns.
@@ -25,7 +25,7 @@ VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.m
 PICTURES_PATH = "images/{video_key}/chunk-{chunk_index:03d}/episode-{file_index:03d}"
 EPISODES_PATH = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 
-#: Column of the acquisition of each value, ns since the epoch, in the order of the features.
+#: Column of the acquisition time of each value, ns since the epoch, in the order of the features.
 ACQUISITION = "acquisition_ns"
 
 INFO = Path("meta") / "info.json"
@@ -45,20 +45,20 @@ INDEX_COLUMNS = {
     "task_index": "int64",
 }
 
-#: How the pictures of a data set of ROS 2 messages are kept.
+#: Picture storage of a data set of ROS 2 messages.
 MESSAGES = "messages"
 
-#: Entry of ``info.json`` for what LeRobot's layout has no place for.
+#: Entry of ``info.json`` for data that LeRobot's layout has no place for.
 OURS = "joshua"
 
 
 def place(episode: int) -> dict[str, int]:
-    """Chunk and file of an episode."""
+    """Return the chunk and file of an episode."""
     return {"chunk_index": episode // CHUNK_SIZE, "file_index": episode % CHUNK_SIZE}
 
 
 def check_layout(layout: DatasetLayout, table_format: str, *, whole: bool = True) -> None:
-    """Refuse features, codecs and pictures that a data set cannot have. Raises EpisodeError.
+    """Refuse features, codecs and pictures that a data set cannot contain. Raises EpisodeError.
 
     Args:
         whole: refuse features of unknown shape, too.
@@ -67,7 +67,7 @@ def check_layout(layout: DatasetLayout, table_format: str, *, whole: bool = True
         if 0 in feature.shape and not whole:
             continue
         if 0 in feature.shape or not (feature.is_picture or len(feature.shape) == 1):
-            raise EpisodeError(f"{feature.key} has the shape {feature.shape}, which no column can have")
+            raise EpisodeError(f"{feature.key} has the shape {feature.shape}, which no column can hold")
         odd = feature.is_picture and (feature.shape[0] % 2 or feature.shape[1] % 2)
         if odd and layout.pictures == "video":
             height, width, _ = feature.shape
@@ -79,7 +79,7 @@ def check_layout(layout: DatasetLayout, table_format: str, *, whole: bool = True
 
 
 def data_schema(layout: DatasetLayout) -> pa.Schema:
-    """Schema of the tables of frames; its metadata tell the ``datasets`` library the features."""
+    """Return the schema of frame tables; its metadata describe the features to the ``datasets`` library."""
     numbers = layout.features.numbers
     fields = [
         pa.field(feature.key, pa.list_(pa.from_numpy_dtype(feature.dtype), feature.shape[0]))
@@ -100,7 +100,7 @@ def data_schema(layout: DatasetLayout) -> pa.Schema:
 
 
 def flat_table(table: pa.Table, layout: DatasetLayout) -> pa.Table:
-    """A table whose vectors have one column for each number, named ``action.shoulder_pan``."""
+    """Return a table with one column for each number of a vector, named ``action.shoulder_pan``."""
     columns: dict[str, Any] = {}
     for name in table.column_names:
         column = table.column(name)
@@ -116,7 +116,7 @@ def flat_table(table: pa.Table, layout: DatasetLayout) -> pa.Table:
 def info(
     layout: DatasetLayout, table_format: str, *, episodes: int, frames: int, tasks: int
 ) -> dict[str, Any]:
-    """Content of ``meta/info.json``."""
+    """Return the content of ``meta/info.json``."""
     features = layout.features.as_lerobot()
     for feature in layout.features.pictures:
         height, width, _ = feature.shape
@@ -160,7 +160,7 @@ def info(
 
 
 def tasks_table(tasks: Sequence[str]) -> pa.Table:
-    """Tasks by their text, which LeRobot reads as the index of a pandas table."""
+    """Return the tasks by their text, which LeRobot reads as the index of a pandas table."""
     index = "__index_level_0__"
     described = {
         "index_columns": [index],
@@ -197,7 +197,7 @@ def tasks_table(tasks: Sequence[str]) -> pa.Table:
 
 
 def table_schema(layout: DatasetLayout, table_format: str) -> dict[str, Any]:
-    """Content of ``schema.json``, which says what the columns of a plain table hold."""
+    """Return the content of ``schema.json``, which describes the columns of a plain table."""
     columns: dict[str, Any] = {}
     for feature in layout.features.numbers:
         described = {"dtype": feature.dtype, "unit": feature.unit or None}
@@ -220,11 +220,11 @@ _UNITS = {"timestamp": "s", STAMP: "ns"}
 
 
 def pictures_of(layout: DatasetLayout, key: str) -> str:
-    """Template of the path of an episode's pictures."""
+    """Return the path template of an episode's pictures."""
     template = VIDEO_PATH if layout.pictures == "video" else PICTURES_PATH
     return template.replace("{video_key}", key)
 
 
 def episode_columns(found: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Statistics of an episode as columns of its row."""
+    """Return the statistics of an episode as columns of its row."""
     return {f"stats/{key}/{name}": value for key, values in found.items() for name, value in values.items()}

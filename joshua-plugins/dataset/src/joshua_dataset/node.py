@@ -1,4 +1,4 @@
-"""The node of a data store: records or replays, as its block says."""
+"""Node of a data store, which records, replays or uploads as its block says."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class DataStore(Store):
             if self._uploads is not None:
                 self._uploads.configure()
         except RemoteError:
-            raise  # which names its exit code
+            raise  # it carries its exit code
         except (EpisodeError, DatasetError) as error:
             raise DeviceError(str(error)) from error
 

@@ -1,4 +1,4 @@
-"""The open episode on the disk, as streams: a kill at any time costs its last half second."""
+"""The open episode on the disk, as streams: a kill loses at most its last half second."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ SUFFIXES = {"video": ".mp4", "png": "", "jpeg": ""}
 
 
 def open_folder(folder: Path) -> Path:
-    """Where the files of a data set's open episode stand."""
+    """Return the folder of a data set's open episode."""
     return folder / PRIVATE / "open"
 
 
 class OpenEpisode:
-    """Files of one episode; nothing of them is seen by readers of the data set.
+    """Files of one episode, invisible to readers of the data set.
 
     Args:
         layout: of the data set; schema: of the rows: numbers of the features and stamps.
         number: of the episode; journal: what a repair needs to complete it.
 
     Raises:
-        OSError, av.FFmpegError: the disk refuses them; so do the methods.
+        OSError, av.FFmpegError: writing fails. The methods raise them, too.
     """
 
     def __init__(
@@ -82,14 +82,14 @@ class OpenEpisode:
         return columns_of(pa.Table.from_batches(self._batches, self._schema)), found
 
     def pictures(self, key: str) -> Path:
-        """File or folder of the pictures of a feature."""
+        """Return the file or folder of the pictures of a feature."""
         return pictures_path(self._layout, key)
 
     def drop(self) -> None:
         """Remove everything. Idempotent."""
         for encoder in self.encoders.values():
             encoder.drop()
-        with contextlib.suppress(OSError):  # what is buffered goes nowhere
+        with contextlib.suppress(OSError):  # buffered data is dropped anyway
             self._file.close()
         remove(self._layout.folder)
 
@@ -121,17 +121,17 @@ class OpenEpisode:
 
 
 def pictures_path(layout: DatasetLayout, key: str) -> Path:
-    """File or folder of the pictures of a feature in the open episode."""
+    """Return the file or folder of the pictures of a feature in the open episode."""
     return open_folder(layout.folder) / f"{key}{SUFFIXES[layout.pictures]}"
 
 
 def remove(folder: Path) -> None:
-    """Removes the open episode of a data set."""
+    """Remove the open episode of a data set."""
     shutil.rmtree(open_folder(folder), ignore_errors=True)
 
 
 def read_journal(folder: Path) -> dict[str, Any] | None:
-    """The journal of an open episode; None without one, {} if a kill tore it."""
+    """Return the journal of an open episode; None if there is none, {} if a kill truncated it."""
     try:
         record = json.loads((open_folder(folder) / JOURNAL).read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -142,11 +142,11 @@ def read_journal(folder: Path) -> dict[str, Any] | None:
 
 
 def rows_of(folder: Path) -> pa.Table | None:
-    """The rows of an open episode that reached the disk; None if there are none."""
+    """Return the rows of an open episode that reached the disk; None if there are none."""
     batches = []
     try:
         with (open_folder(folder) / ROWS).open("rb") as file, pa.ipc.open_stream(file) as stream:
-            with contextlib.suppress(pa.ArrowException, OSError):  # the last batch is torn
+            with contextlib.suppress(pa.ArrowException, OSError):  # the last batch is truncated
                 batches.extend(stream)
             return pa.Table.from_batches(batches, stream.schema) if batches else None
     except (OSError, pa.ArrowException):
@@ -154,7 +154,7 @@ def rows_of(folder: Path) -> pa.Table | None:
 
 
 def columns_of(table: pa.Table) -> dict[str, Any]:
-    """The columns of a table as arrays, (N,) or (N, D)."""
+    """Return the columns of a table as arrays, (N,) or (N, D)."""
     found: dict[str, Any] = {}
     for name in table.column_names:
         column = table.column(name).combine_chunks()

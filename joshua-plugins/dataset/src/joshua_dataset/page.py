@@ -1,4 +1,4 @@
-"""One HTML page of a data set that needs nothing else: curves, videos, timing, a table of the episodes."""
+"""Self-contained HTML page of a data set: curves, videos, timing, a table of the episodes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from joshua_dataset.reader import Dataset, Episode
 #: Points of a curve on the page; longer episodes are thinned.
 MOST_POINTS = 1500
 
-#: Codecs that every browser plays; others are encoded again for the page.
+#: Codecs that every browser plays; others are re-encoded for the page.
 PLAYABLE = ("h264",)
 
 
@@ -31,8 +31,8 @@ def write_page(folder: Path, page: Path, episodes: Sequence[int], scratch: Path)
     """Write the page of a data set; return the episodes that it shows.
 
     Args:
-        episodes: whose curves and videos it shows, () for the first three; all are in the table.
-        scratch: folder for videos that are encoded again.
+        episodes: shown with curves and videos, () for the first three; the table lists all.
+        scratch: folder for re-encoded videos.
 
     Raises:
         DatasetError: the data set cannot be read.
@@ -166,7 +166,7 @@ def _video(dataset: Dataset, episode: Episode, key: str, scratch: Path) -> str:
 
 
 def _histogram(dataset: Dataset, columns: dict[str, Any]) -> str:
-    """Histogram of how far values were acquired from their frames, else of the frames' distances, as SVG."""
+    """Return an SVG histogram of acquisition times relative to the frames, else of the frame intervals."""
     if "acquisition_ns" in columns:
         title, values = (
             "acquisition after the frame (ms)",
@@ -174,7 +174,7 @@ def _histogram(dataset: Dataset, columns: dict[str, Any]) -> str:
         )
         values = values.ravel() / 1e6
     else:
-        title, values = "distance of frames (ms)", _intervals_ms(dataset, columns)
+        title, values = "interval between frames (ms)", _intervals_ms(dataset, columns)
     period_ms = 1000 / dataset.fps
     low, high = min(-period_ms, float(values.min())), max(2 * period_ms, float(values.max()))
     counts, edges = np.histogram(values, bins=30, range=(low, high))

@@ -1,4 +1,4 @@
-"""Where the pictures of an episode go: videos, or one file each; encoded on a thread of their own."""
+"""Storage of an episode's pictures: videos, or one file each, encoded on a separate thread."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from joshua_dataset.statistics import PictureStatistics, Statistics
 
 PIXEL_FORMAT = "yuv420p"
 
-#: Every how many frames a picture counts for the statistics.
+#: Interval, in frames, of the pictures that count for the statistics.
 PICTURE_STRIDE = 10
 
 #: Longest part of a video that a killed writer can lose, s.
@@ -32,8 +32,8 @@ QUEUE_S = 2.0
 # x265 reads beyond the end of an episode of two pictures when it looks ahead, and crashes.
 _X265 = "log-level=error:pools=none:frame-threads=1:wpp=0:bframes=0:b-adapt=0:rc-lookahead=0"
 
-# One thread each, so that the same pictures give the same bytes and an encoder takes at most a core;
-# every second picture stands alone (g), so that a training's random reads find any frame fast.
+# One thread each, so that the same pictures give the same bytes and an encoder uses at most one core;
+# every second picture is a key frame (g), which makes the random reads of a training fast.
 ENCODERS: dict[str, tuple[str, dict[str, str]]] = {
     "h264": ("libx264", {"g": "2", "crf": "23", "preset": "ultrafast", "threads": "1"}),
     "hevc": (
@@ -50,27 +50,27 @@ ENCODERS: dict[str, tuple[str, dict[str, str]]] = {
 """Encoder and options by the codec's name in ``info.json``."""
 
 ERRORS = (OSError, av.FFmpegError)
-"""What a disk or a codec raises."""
+"""Exceptions of a disk or a codec."""
 
 Picture = npt.NDArray[np.uint8]
 
 
 class Target(ABC):
-    """Takes the pictures of one feature for one episode. Raises ``ERRORS``."""
+    """Output for the pictures of one feature in one episode. Raises ``ERRORS``."""
 
     path: Path
 
     @abstractmethod
     def add(self, picture: Picture) -> None:
-        """Takes one picture of shape (H, W, 3), RGB."""
+        """Add one picture of shape (H, W, 3), RGB."""
 
     @abstractmethod
     def close(self) -> None:
-        """Completes what was written. Idempotent."""
+        """Complete the output. Idempotent."""
 
     def drop(self) -> None:
-        """Removes everything, complete or not."""
-        with contextlib.suppress(*ERRORS):  # a full disk takes no index
+        """Remove everything, complete or not."""
+        with contextlib.suppress(*ERRORS):  # a full disk cannot hold the index
             self.close()
         if self.path.is_dir():
             shutil.rmtree(self.path, ignore_errors=True)
@@ -109,7 +109,7 @@ class Video(Target):
     def add(self, picture: Picture) -> None:
         """See ``Target``."""
         if not self._started:
-            # by itself, because PyAV crashes when it continues after a header that the disk has refused
+            # separately, because PyAV crashes when it continues after a header that could not be written
             self._container.start_encoding()
             self._started = True
         frame: Any = av.VideoFrame.from_ndarray(picture, format="rgb24")
@@ -131,7 +131,7 @@ class Video(Target):
 
 
 class PictureFiles(Target):
-    """A folder with one PNG or JPEG file a picture, ``frame-000000.png``.
+    """A folder with one PNG or JPEG file per picture, ``frame-000000.png``.
 
     Args:
         path: of the folder; suffix: ``.png`` or ``.jpg``.
@@ -154,7 +154,7 @@ class PictureFiles(Target):
 
 
 def encoded(picture: Picture, *, png: bool) -> bytes:
-    """A picture (H, W, 3), RGB, as the content of a PNG file, else of a JPEG file."""
+    """Encode a picture (H, W, 3), RGB, as PNG, else as JPEG."""
     height, width, _ = picture.shape
     context: Any = av.CodecContext.create("png" if png else "mjpeg", "w")
     context.width, context.height = width, height
@@ -166,13 +166,13 @@ def encoded(picture: Picture, *, png: bool) -> bytes:
 
 
 class Encoder:
-    """Encodes the pictures of one feature on a thread of its own, and counts them for the statistics.
+    """Encodes the pictures of one feature on its own thread, and counts them for the statistics.
 
     Args:
         target: takes the pictures on that thread; name: of the thread; depth: pictures that may wait.
 
     Attributes:
-        busy_s: time that encoding has taken.
+        busy_s: time spent on encoding.
     """
 
     def __init__(self, target: Target, name: str, depth: int) -> None:
@@ -201,14 +201,14 @@ class Encoder:
         self._queue.put(picture)
 
     def finish(self) -> Statistics:
-        """Encodes what waits, closes the target and returns the statistics. Raises ``ERRORS``."""
+        """Encode the waiting pictures, close the target and return the statistics. Raises ``ERRORS``."""
         self._end()
         if self._error is not None:
             raise self._error
         return self._statistics.result()
 
     def drop(self) -> None:
-        """Ends the thread and removes what was written."""
+        """End the thread and remove the output."""
         with contextlib.suppress(queue.Empty):
             while True:
                 self._queue.get_nowait()
@@ -223,7 +223,7 @@ class Encoder:
     def _run(self) -> None:
         while (picture := self._queue.get()) is not None:
             if self._error is not None:
-                continue  # the writer finds out at its next picture
+                continue  # the writer gets the error with its next picture
             began = time.thread_time()
             try:
                 self.target.add(picture)

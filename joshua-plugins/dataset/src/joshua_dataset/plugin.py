@@ -22,7 +22,7 @@ def joshua_specs() -> list[PluginSpec]:
             enum_values=("FORMAT_MCAP",),
             implementation="joshua_dataset.node:DataStore",
             settings="joshua_dataset.settings:StoreSettings",
-            summary="records every message as it comes",
+            summary="records every message unchanged",
             all_topics=True,
         ),
         *(
@@ -36,7 +36,7 @@ def joshua_specs() -> list[PluginSpec]:
                 ("FORMAT_HUGGINGFACE", "writer:LeRobotWriter", "data sets in the layout of LeRobot v3"),
                 ("FORMAT_PARQUET", "writer:ParquetWriter", "data sets as Parquet tables"),
                 ("FORMAT_CSV", "writer:CsvWriter", "data sets as comma-separated values"),
-                ("FORMAT_JSONL", "writer:JsonlWriter", "data sets as lines of JSON"),
+                ("FORMAT_JSONL", "writer:JsonlWriter", "data sets as JSON lines"),
                 ("FORMAT_MCAP", "mcap_writer:McapWriter", "data sets of ROS 2 messages"),
             )
         ),

@@ -1,6 +1,6 @@
-"""Reads data sets, one episode at a time: ours, and those that LeRobot wrote in its layouts v3.0 and v2.1.
+"""Read data sets, one episode at a time: those of JOSHUA, and those of LeRobot in its layouts v3.0 and v2.1.
 
-Nothing of a data set is trusted: paths stay inside its folder, sizes are checked before anything is decoded.
+Data sets are not trusted: paths stay inside its folder, sizes are checked before anything is decoded.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from joshua_dataset.decoding import picture_of as picture_of
 from joshua_dataset.metadata import INDEX_COLUMNS, INFO, MESSAGES, OURS, STATS, TASKS
 from joshua_dataset.statistics import Statistics
 
-#: Largest file of metadata that is read, and largest line of one, bytes.
+#: Largest metadata file that is read, and largest line of one, bytes.
 LARGEST_JSON, LARGEST_LINE = 256 << 20, 16 << 20
 
 #: Most rows of a table that is read: a compressed one can hold any number.
 MOST_ROWS = 20_000_000
 
-#: Types of the numbers of a feature.
+#: Number types of a feature.
 NUMBER_TYPES = (
     *("float32", "float64", "float16", "bool", "int64", "int32", "int16", "int8"),
     *("uint8", "uint16", "uint32", "uint64"),
@@ -62,17 +62,17 @@ class Episode:
 
 @dataclass(frozen=True)
 class Dataset:
-    """What the metadata of a data set say.
+    """Metadata of a data set.
 
     Attributes:
         folder: of the data set; version: of LeRobot's layout; format: as ``writer_of`` takes it.
         fps: frames per second; robot_type: what was recorded; features: of each frame.
         episodes, frames: how many; tasks: by their index.
-        pictures: ``video``, ``png``, ``jpeg``, ``table``, where the pictures stand in the tables, or
-            ``messages``, where all values stand in ROS 2 messages.
+        pictures: ``video``, ``png``, ``jpeg``, ``table``, if the tables contain the pictures, or
+            ``messages``, if ROS 2 messages contain all values.
         codec: of the videos; "" without any.
         identity: what appended episodes must share; counters: names of the counts of each episode.
-        topics: that show the features, of a data set of messages.
+        topics: of the features, for a data set of messages.
         info: the whole ``meta/info.json``.
     """
 
@@ -97,7 +97,7 @@ class Dataset:
         """Read the metadata. Raises DatasetError."""
         info = _json(folder / INFO, folder)
         if not isinstance(info, dict):
-            raise DatasetError(f"{folder / INFO} is no JSON object")
+            raise DatasetError(f"{folder / INFO} is not a JSON object")
         version = str(info.get("codebase_version", ""))
         if version not in VERSIONS:
             raise DatasetError(
@@ -151,7 +151,7 @@ class Dataset:
             raise DatasetError(f"{self.folder / STATS} is not valid: {error}") from error
 
     def _merged_statistics(self) -> dict[str, Statistics]:
-        """Those of a layout that keeps them by episode alone."""
+        """Merge the statistics of a layout that stores them only by episode."""
         found: dict[str, Statistics] = {}
         for episode in self.episode_list():
             for key, record in episode.statistics.items():
@@ -160,7 +160,7 @@ class Dataset:
         return found
 
     def episode_list(self, wanted: set[int] | None = None) -> Iterator[Episode]:
-        """The episodes that the data set counts, in order. Raises DatasetError.
+        """Yield the episodes that the data set counts, in order. Raises DatasetError.
 
         Args:
             wanted: their indices; None for all.
@@ -178,11 +178,11 @@ class Dataset:
                 ) from error
 
     def columns(self, episode: Episode) -> dict[str, npt.NDArray[Any]]:
-        """The numbers of an episode, (N,) or (N, D) by column. Raises DatasetError."""
+        """Return the numbers of an episode, (N,) or (N, D) by column. Raises DatasetError."""
         if self.pictures == MESSAGES:
             raise DatasetError(
-                f"{self.folder} holds ROS 2 messages and no frames. Make frames of them with `joshua dataset "
-                f"convert {self.folder} TARGET`, or open {episode.table} with rosbag2 or Foxglove"
+                f"{self.folder} contains ROS 2 messages, not frames. Convert it to frames with `joshua "
+                f"dataset convert {self.folder} TARGET`, or open {episode.table} with rosbag2 or Foxglove"
             )
         table = self._table(episode)
         found: dict[str, npt.NDArray[Any]] = {}
@@ -194,7 +194,7 @@ class Dataset:
             found = self._gathered(found)
         for name in (name for name in INDEX_COLUMNS if name in found):
             if found[name].ndim != 1 or found[name].dtype.kind not in "iuf":
-                raise DatasetError(f"{episode.table}: the column {name} holds no numbers")
+                raise DatasetError(f"{episode.table}: the column {name} does not contain numbers")
         for feature in self.features.numbers:
             values = found.get(feature.key)
             if values is None:
@@ -210,7 +210,7 @@ class Dataset:
         return found
 
     def decoded(self, episode: Episode, key: str) -> Iterator[npt.NDArray[np.uint8]]:
-        """The pictures of an episode, (H, W, 3) RGB, one after the other. Raises DatasetError."""
+        """Yield the pictures of an episode, (H, W, 3) RGB, in order. Raises DatasetError."""
         height, width, _ = self.features[key].shape
         where = episode.pictures[key]
         try:
@@ -228,7 +228,7 @@ class Dataset:
             raise DatasetError(f"{where.path}: {error}") from error
 
     def _kind(self, key: str) -> str:
-        """How the pictures of a feature are kept; LeRobot decides for each camera."""
+        """Return how the pictures of a feature are stored; LeRobot decides this for each camera."""
         if OURS in self.info:
             return self.pictures
         return "table" if self.info["features"][key]["dtype"] == "image" else "video"
@@ -253,7 +253,7 @@ class Dataset:
             raise DatasetError(f"{path} cannot be read: {error}") from error
 
     def _gathered(self, columns: Mapping[str, Any]) -> dict[str, Any]:
-        """The columns of a CSV table with each vector in one."""
+        """Gather the columns of a CSV table, each vector in one column."""
         found = dict(columns)
         for feature in self.features.numbers:
             names = feature.names or tuple(map(str, range(feature.shape[0])))
@@ -306,10 +306,10 @@ class Dataset:
         return Episode(index, length, tuple(map(str, row["tasks"])), table, pictures, found, counts)
 
     def _inside(self, template: str, values: Mapping[str, Any]) -> Path:
-        """A path of the data set. Raises ValueError for one that leads out of it."""
+        """Return a path in the data set. Raises ValueError for one outside it."""
         path = self.folder / template.format(**values)
         if not path.resolve().is_relative_to(self.folder.resolve()):
-            raise ValueError(f"the path {path} leads out of the data set")
+            raise ValueError(f"the path {path} is outside the data set")
         return path
 
 
@@ -341,7 +341,7 @@ def _json(path: Path, folder: Path) -> Any:
             raise DatasetError(f"{path} is larger than {LARGEST_JSON >> 20} MB")
         return json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise DatasetError(f"{folder} is no data set: it has no {path.relative_to(folder)}") from error
+        raise DatasetError(f"{folder} is not a data set: it has no {path.relative_to(folder)}") from error
     except (OSError, ValueError, RecursionError) as error:
         raise DatasetError(f"{path} cannot be read: {error}") from error
 

@@ -1,8 +1,8 @@
-"""Records what a robot shows and does, aligned by acquisition time, while the robot continues.
+"""Record the observations and actions of a running robot, aligned by acquisition time.
 
-Transport threads only hand messages to the aligner. The node's timer takes complete frames from it. A thread
-of its own converts and writes them, and each camera has an encoder thread. A writer that falls behind ends
-the episode.
+Transport threads only hand messages to the aligner. The node's timer takes complete frames from it. A
+separate thread converts and writes them, and each camera has an encoder thread. A writer that falls behind
+ends the episode.
 
 Why one file: it is one class, whose threads share one lock and one queue.
 """
@@ -47,10 +47,10 @@ from joshua_dataset.settings import StoreSettings
 from joshua_dataset.streams import NS_PER_S, RecorderStatus, Stream, Task
 from joshua_dataset.writer import DatasetWriter
 
-#: How long an automatic start waits for topics until it says so.
+#: How long an automatic start waits for topics before it reports so.
 PATIENCE_S = 10.0
 
-#: What is said when a phase begins.
+#: Spoken text at the start of a phase.
 CUES = {
     Phase.WARM_UP: "get ready",
     Phase.RECORDING: "recording episode {}",
@@ -64,10 +64,10 @@ LEAST_FREE_BYTES = 500 << 20
 
 
 class Recorder:
-    """Carries ``DATA_STORE_RECORD`` out.
+    """Behaviour of ``DATA_STORE_RECORD``.
 
     Args:
-        context: of the node; settings: of the block; facts: what the robot shows and does.
+        context: of the node; settings: of the block; facts: observations and actions of the robot.
 
     Attributes:
         on_kept: called on the writer's thread when an episode is complete on the disk.
@@ -156,7 +156,7 @@ class Recorder:
             self._context.log.error("the writer has not answered within 20 s: the disk may hang")
 
     def cleanup(self) -> None:
-        """Close the data set; the thread of the writer has ended."""
+        """Close the data set; the writer's thread has ended."""
         self._work.put(None)
         self._cues.close()
         if self._writer is not None:
@@ -182,13 +182,13 @@ class Recorder:
         return f"{kept}; {started}" if kept else started
 
     def _toggle(self) -> str:
-        """What the one button does that starts and stops."""
+        """Start or stop, for the button that does both."""
         recording = self._session.phase in (Phase.RECORDING, Phase.WARM_UP)
         return self.stop() if recording else self.start()
 
     @verb(moves=False, runs="beside")
     def stop(self) -> str:
-        """End the episode; keep or discard it then."""
+        """End the episode; then keep or discard it."""
         with self._lock:
             steps = self._session.stop(time.monotonic())
             self._end_time()
@@ -219,11 +219,11 @@ class Recorder:
             steps = self._session.rerecord(time.monotonic())
             self._phase_began_s = time.monotonic()
         self._answer(self._do(steps))
-        return f"episode {self._number} is recorded anew"
+        return f"episode {self._number} is recorded again"
 
     @property
     def task_parameter(self) -> str:
-        """The task that the next episode gets."""
+        """Task of the next episode."""
         return self._session.task_text
 
     @verb(moves=False, runs="beside", sets="task")
@@ -238,7 +238,7 @@ class Recorder:
 
     @verb(moves=False, runs="beside")
     def status(self) -> RecorderStatus:
-        """What the recorder does just now."""
+        """Current state of the recorder."""
         session, sampler, now_s = self._session, self._sampler, time.monotonic()
         folder = Path(self._settings.folder)
         return RecorderStatus(
@@ -304,7 +304,7 @@ class Recorder:
         self._work.put(lambda: self._add_message(topic, message, received_ns, stamp_ns))
 
     def _takes_messages(self, topic: str) -> Callable[[Any, int], None]:
-        """Take what becomes no feature, such as the states of a leader."""
+        """Take messages that do not become a feature, such as the states of a leader."""
 
         def take(message: Any, received_ns: int) -> None:
             if self._sampler is not None:
@@ -313,7 +313,7 @@ class Recorder:
         return take
 
     def _tick(self) -> None:
-        """Take the frames that are complete, and end phases whose time is over (on the node's thread)."""
+        """Take complete frames, and end phases whose time is over (on the node's thread)."""
         now_ns = self._context.now_ns()
         with self._lock:
             starts = self._auto and time.monotonic() >= self._due_s
@@ -327,12 +327,12 @@ class Recorder:
                 except (RefusedError, EpisodeError) as error:
                     self._say(str(error))
             elif self._auto and time.monotonic() - self._due_s > PATIENCE_S and (stale := self._stale()):
-                self._say(f"waits for the next episode: no message received on {', '.join(stale)}")
+                self._say(f"waiting for the next episode: no message received on {', '.join(stale)}")
             self._flush(now_ns)
             try:
                 before = self._session.phase
                 if before is Phase.RESET and self._session.until_s <= time.monotonic() and self._stale():
-                    return  # the next episode waits until every topic is there again
+                    return  # the next episode waits until every topic has messages again
                 steps = self._session.tick(time.monotonic())
             except RefusedError as error:
                 self._say(str(error))
@@ -346,9 +346,7 @@ class Recorder:
             if self._session.phase is Phase.RECORDING:
                 behind_s = self._behind_s
                 if behind_s > 2 * QUEUE_S:
-                    self._end_early(
-                        f"the writer is {behind_s:.1f} s behind: lower fps or the size of pictures"
-                    )
+                    self._end_early(f"the writer is {behind_s:.1f} s behind: lower fps or the picture size")
                 elif _free_bytes(Path(self._settings.folder)) < LEAST_FREE_BYTES:
                     self._end_early("the disk is almost full: free some space")
         # In this order: the writer may find that the last episode does not count, and answers then.
@@ -378,7 +376,7 @@ class Recorder:
             self._end_early(sampler.over)
 
     def _end_time(self) -> None:
-        """Make the last frames of the episode, as far as all their values are there."""
+        """Make the last frames of the episode that have all their values."""
         sampler, self._sampler = self._sampler, None
         if sampler is not None:
             for frame in sampler.rest(self._context.now_ns()):
@@ -386,7 +384,7 @@ class Recorder:
 
     def _enqueue(self, frame: Frame) -> None:
         if self._raw:
-            return  # frames are counted only
+            return  # frames are only counted
         self._frames_waiting += 1
         self._work.put(lambda: self._add(frame))
 
@@ -450,7 +448,7 @@ class Recorder:
         return carry_out
 
     def _not_kept(self) -> None:
-        """Go on, where the session would have been complete with this episode (on the writer's thread)."""
+        """Continue the session if this episode would have completed it (on the writer's thread)."""
         with self._lock:
             if self._session.miss() and self._settings.episode_duration_s:
                 self._auto, self._due_s = True, time.monotonic() + self._settings.reset_duration_s
@@ -480,7 +478,7 @@ class Recorder:
             self._lose(error)
 
     def _lose(self, error: EpisodeError, *, was_kept: bool = False) -> None:
-        """An episode that cannot be written is discarded; the robot continues."""
+        """Discard an episode that cannot be written; the robot continues."""
         with self._lock:
             self._session.lost(was_kept=was_kept)
             self._sampler, self._lost = None, True
@@ -490,9 +488,9 @@ class Recorder:
         self._message = str(error)
 
     def _write(self) -> None:
-        """Carry out what waits, until the node has stopped (on a thread of its own)."""
+        """Run queued steps until the node has stopped (on its own thread)."""
         while True:
-            stopping = self._context.stopping  # asked each time: it is the thread's sign of life
+            stopping = self._context.stopping  # read on each pass: this is the thread's heartbeat
             try:
                 work = self._work.get(timeout=0.2)
             except queue.Empty:
@@ -509,7 +507,7 @@ class Recorder:
                     self._busy = (now_s, busy_s)
 
     def _open(self) -> None:
-        """Open the data set, when what every topic carries is known. Raises EpisodeError."""
+        """Open the data set when the content of every topic is known. Raises EpisodeError."""
         if self._writer is not None:
             return
         self._described.look()
@@ -575,7 +573,7 @@ class Recorder:
             if self._behind_s > 0.5:
                 parts.append(f"{self._behind_s:.1f} s behind")
         elif stale:
-            parts.append(f"waits for {', '.join(stale)}")
+            parts.append(f"waiting for {', '.join(stale)}")
         self._context.show(", ".join(parts))
         for stream in self._streams.values():
             warning = stream.clock_warning(self._settings.tolerance_s or 1 / self._settings.fps)

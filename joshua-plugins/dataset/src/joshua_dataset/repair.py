@@ -1,4 +1,4 @@
-"""Completes or discards the episode that a killed writer left unfinished."""
+"""Complete or discard the episode that a killed writer left unfinished."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from joshua_dataset.writer import DatasetWriter
 
 
 def repair(folder: Path, *, cut: bool = False) -> str:
-    """Bring a data set in order after a kill or a power cut. Idempotent.
+    """Repair a data set after a kill or a power cut. Idempotent.
 
     Args:
-        folder: of the data set; cut: discard the unfinished episode in place of completing it.
+        folder: of the data set; cut: discard the unfinished episode instead of completing it.
 
     Returns:
         What was done, in one sentence.
 
     Raises:
-        EpisodeError: it is being written, is no data set, or the disk refuses the repair.
+        EpisodeError: the folder is being written, is not a data set, or cannot be written.
     """
     if not (folder / INFO).exists() and open_episode.read_journal(folder) is None:
-        raise EpisodeError(f"{folder} is no data set: it has no {INFO}")
+        raise EpisodeError(f"{folder} is not a data set: it has no {INFO}")
     journal = open_episode.read_journal(folder)
     layout, writer_type = _layout(folder, journal)
     writer = writer_type(layout)
@@ -50,7 +50,7 @@ def repair(folder: Path, *, cut: bool = False) -> str:
 
 
 def _layout(folder: Path, journal: dict[str, Any] | None) -> tuple[DatasetLayout, type[DatasetWriter]]:
-    """What the journal says of the data set; without one, nothing of it is needed."""
+    """Return what the journal says about the data set; without one, nothing of it is needed."""
     info = (journal or {}).get("info")
     if not isinstance(info, dict):
         kind = "lerobot"
@@ -113,7 +113,7 @@ def _repair(writer: DatasetWriter, journal: dict[str, Any] | None, *, cut: bool)
 
 
 def _remove_placed(layout: DatasetLayout, number: int) -> None:
-    """Removes what a commit that was cut off had put in place; no reader counts it."""
+    """Remove files that an interrupted commit has put in place; no reader counts them."""
     for feature in layout.features.pictures:
         path = layout.folder / pictures_of(layout, feature.key).format(**place(max(number, 0)))
         if path.is_dir():
@@ -136,7 +136,7 @@ def _pictures(layout: DatasetLayout, key: str, number: int) -> tuple[int, Statis
                 try:
                     picture = picture_of(file.read_bytes(), file, height, width)
                 except (DatasetError, *ERRORS):
-                    file.unlink()  # the last one, torn
+                    file.unlink()  # the last one, truncated
                     continue
                 if count % PICTURE_STRIDE == 0:
                     found.add(picture)
@@ -149,7 +149,7 @@ def _pictures(layout: DatasetLayout, key: str, number: int) -> tuple[int, Statis
 
 
 def _remuxed(path: Path, found: PictureStatistics) -> int:
-    """Copies a torn video into an ordinary one, and counts its pictures. Raises ``ERRORS``."""
+    """Copy a truncated video into an ordinary one, and count its pictures. Raises ``ERRORS``."""
     whole = path.with_suffix(".whole")
     count = 0
     with av.open(str(path)) as source, av.open(str(whole), "w", format="mp4") as target:

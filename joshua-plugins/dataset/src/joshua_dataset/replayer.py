@@ -1,4 +1,4 @@
-"""Replays recorded actions on a robot: the actuators follow them with their own ramp, limits and guardian."""
+"""Replay recorded actions on a robot: the actuators follow them with their own ramp, limits and guardian."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from joshua_dataset.reader import Dataset, DatasetError
 from joshua_dataset.settings import StoreSettings
 from joshua_dataset.tracking import Tracking
 
-#: Distance from the first action at which an arm has approached it, rad; and the longest approach.
+#: Distance to the first action at which the approach ends, rad; and the longest approach, s.
 NEAR_RAD = 0.05
 APPROACH_S = 20.0
 
-#: Suffix of LeRobot's names of joints.
+#: Suffix of LeRobot's joint names.
 SUFFIX = ".pos"
 
 
@@ -43,13 +43,13 @@ class _Arm:
     measured_rad: Any = None
 
     def radians(self, values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-        """Actions of the data set, (N, D), in radians and in the robot's order of joints."""
+        """Convert actions of the data set, (N, D), to radians in the robot's order of joints."""
         return self.units.to_radians(values[:, self.order], self.unit)
 
 
 @dataclass
 class _Track:
-    """One episode on its way: times in seconds from its start, and the goals of each arm."""
+    """One episode under replay: times in seconds from its start, and the goals of each arm."""
 
     number: int
     time_s: npt.NDArray[np.float64]
@@ -57,10 +57,10 @@ class _Track:
 
 
 class Replayer:
-    """Carries ``DATA_STORE_REPLAY`` out.
+    """Behaviour of ``DATA_STORE_REPLAY``.
 
     Args:
-        context: of the node; settings: of the block; facts: what the robot shows and does.
+        context: of the node; settings: of the block; facts: observations and actions of the robot.
     """
 
     def __init__(self, context: NodeContext, settings: StoreSettings, facts: ServiceFacts) -> None:
@@ -105,13 +105,13 @@ class Replayer:
         self._tracks = []
 
     def cleanup(self) -> None:
-        """Nothing is open."""
+        """Do nothing: nothing is open."""
 
     @verb(moves=False)
     def pause(self) -> str:
         """Stop sending commands; the arms hold."""
         if self._paused:
-            raise RefusedError("the replay is paused already")
+            raise RefusedError("the replay is already paused")
         self._paused, self._began_s = True, None
         return "the replay is paused"
 
@@ -121,10 +121,10 @@ class Replayer:
         if not self._paused:
             raise RefusedError("the replay is not paused")
         self._paused, self._asked_s = False, time.monotonic()
-        return "the replay goes on with the start of its episode"
+        return "the replay restarts its episode"
 
     def _arm(self, dataset: Dataset, key: str) -> _Arm:
-        """What commands one arm of the robot. Raises EpisodeError."""
+        """Return how to command one arm of the robot. Raises EpisodeError."""
         there = dataset.features.get(key)
         if there is None and len(self._facts.commands) == 1:
             there = dataset.features.get("action")
@@ -137,7 +137,7 @@ class Replayer:
         try:
             unit = Unit(there.unit or "rad")
         except ValueError as error:
-            raise EpisodeError(f"{key} is in {there.unit!r}, which is no unit of joints") from error
+            raise EpisodeError(f"{key} is in {there.unit!r}, which is not a unit of joints") from error
         return _Arm(
             action=there.key,
             state_topic=next(
@@ -186,7 +186,7 @@ class Replayer:
             theirs = dataset.identity.get(f"calibration of {key}")
             if key.startswith("action") and theirs is not None and theirs != ours:
                 self._context.warn(
-                    f"{dataset.folder} was recorded with another calibration of {key}: poses can differ. "
+                    f"{dataset.folder} was recorded with a different calibration of {key}: poses can differ. "
                     "Compare the calibrations before you replay at full speed"
                 )
 
@@ -225,9 +225,9 @@ class Replayer:
                 self._context.end_run(f"{len(self._tracks)} episodes are replayed")
 
     def _approach(self, track: _Track) -> None:
-        """Let the arms ramp to the first action, and begin when they are there."""
+        """Let the arms ramp to the first action, and start the replay when they reach it."""
         self._command(track, 0)
-        self._context.show(f"approaches episode {track.number}")
+        self._context.show(f"approaching episode {track.number}")
         far = [
             arm
             for arm in self._arms
@@ -276,13 +276,13 @@ class Replayer:
 
 
 def _order(feature: Feature, names: tuple[str, ...], folder: Path) -> list[int]:
-    """Where the robot's joints stand in a feature. Raises EpisodeError."""
+    """Return the indices of the robot's joints in a feature. Raises EpisodeError."""
     plain = [name.removesuffix(SUFFIX) for name in feature.names]
     if set(names) <= set(plain):
         return [plain.index(name) for name in names]
     if feature.shape[0] == len(names) and not feature.names:
         return list(range(len(names)))
     raise EpisodeError(
-        f"{folder}: {feature.key} has the joints {', '.join(plain) or 'without names'}, and the robot has "
+        f"{folder}: {feature.key} has the joints {', '.join(plain) or 'without names'}, but the robot has "
         f"{', '.join(names)}"
     )

@@ -15,12 +15,12 @@ from joshua_dataset.streams import LATENCY_S, NS_PER_S, Stream
 
 COUNTERS = ("dropped", "held", "worst_alignment_ns")
 
-#: How long a feature may be missing until the episode ends: its node or cable is lost.
+#: How long a feature may be missing before the episode ends: its node or cable is lost.
 LOST_S = 1.0
 
 
 class Sampler:
-    """Makes the frames of an episode; ``push`` on the threads of transports, all else on one thread.
+    """Makes the frames of an episode; ``push`` runs on transport threads, all else on one thread.
 
     Args:
         streams: what is recorded; settings: rate, tolerance and policy.
@@ -29,8 +29,8 @@ class Sampler:
     Attributes:
         counts: frames that lacked a value, by ``COUNTERS``.
         missing: features that the newest frame lacks.
-        failed: the policy discards the episode; says why.
-        over: the episode cannot continue; says why.
+        failed: why the policy discards the episode; "" if it does not.
+        over: why the episode cannot continue; "" if it can.
     """
 
     def __init__(self, streams: Collection[Stream], settings: StoreSettings, now_ns: int) -> None:
@@ -78,13 +78,13 @@ class Sampler:
         self._find_lost(now_ns)
 
     def rest(self, now_ns: int) -> Iterator[Frame]:
-        """Yield the last frames, as far as all their values are there."""
+        """Yield the last frames that have all their values."""
         for frame in self._aligner.poll(now_ns + self._wait_ns):
             if not frame.missing and not self._aligner.jumps:
                 yield self._latched(frame)
 
     def _judged(self, frame: Frame) -> Frame | None:
-        """The frame as the policy wants it; None drops it."""
+        """Apply the policy to a frame; None drops it."""
         for key in frame.values:
             distance = abs(frame.offset_ns(key))
             self.counts["worst_alignment_ns"] = max(self.counts["worst_alignment_ns"], distance)
@@ -107,7 +107,7 @@ class Sampler:
         return self._latched(frame)
 
     def _latched(self, frame: Frame) -> Frame:
-        """A frame with what holds until it changes, such as ``intervention``."""
+        """Add the values that hold until they change, such as ``intervention``."""
         found = {key: item.at(frame.stamp_ns) for key, item in self._streams.items() if item.is_latched}
         return replace(
             frame,
@@ -116,7 +116,7 @@ class Sampler:
         )
 
     def _find_lost(self, now_ns: int) -> None:
-        """Notice a feature that stays away: further frames would only be dropped or held."""
+        """End the episode if a feature stays missing: further frames would only be dropped or held."""
         for key, since_ns in self._missing_since_ns.items():
             if now_ns - since_ns < LOST_S * NS_PER_S + self._wait_ns:
                 continue
@@ -135,7 +135,7 @@ class Sampler:
 
 
 def _phase_ns(streams: Collection[Stream], period_ns: int) -> int:
-    """Phase of the frames at which pictures lie nearest to them, for cameras at the rate of the frames."""
+    """Return the frame phase that is nearest to the pictures, for cameras at the frame rate."""
     turn = math.tau / period_ns
     phases = []
     for stream in streams:

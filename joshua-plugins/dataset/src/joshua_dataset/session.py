@@ -11,7 +11,7 @@ from joshua_dataset.settings import StoreSettings
 
 
 class Phase(Enum):
-    """What a session does."""
+    """Phase of a session."""
 
     IDLE = "ready"
     WARM_UP = "warm-up"
@@ -24,7 +24,7 @@ class Phase(Enum):
 
 
 class Step(Enum):
-    """What a recorder has to do next."""
+    """Step that a recorder takes next."""
 
     BEGIN = "begin"
     END = "end"
@@ -60,7 +60,7 @@ class Session:
         return self.phase in (Phase.RECORDING, Phase.REVIEW, Phase.RESET)
 
     def start(self, now_s: float) -> list[Step]:
-        """Start an episode; one that waits is kept, and may be the last. Raises RefusedError."""
+        """Start an episode; a waiting one is kept, and may be the last. Raises RefusedError."""
         if self.phase in (Phase.WARM_UP, Phase.RECORDING):
             raise RefusedError(f"an episode is in the phase {self.phase.value}: stop it first")
         steps = self._keep()
@@ -71,7 +71,7 @@ class Session:
         return steps + self._begin(now_s)
 
     def stop(self, now_s: float) -> list[Step]:
-        """End the episode; it can be kept or discarded then. Raises RefusedError."""
+        """End the episode; it can then be kept or discarded. Raises RefusedError."""
         if self.phase is Phase.WARM_UP:
             self.phase = Phase.IDLE
             return []
@@ -129,25 +129,25 @@ class Session:
         return []
 
     def finish(self) -> list[Step]:
-        """End the session: an open episode is kept."""
+        """End the session and keep an open episode."""
         ending = [Step.END] if self.phase is Phase.RECORDING else []
         steps = ending + self._keep()
         self.phase, self.is_over = Phase.DONE, True
         return steps
 
     def take_up(self, kept: int) -> None:
-        """Go on after a restart, with the episodes that were kept before it."""
+        """Continue after a restart with the episodes that were kept before it."""
         self.kept = kept
         if self.settings.num_episodes and kept >= self.settings.num_episodes:
             self.phase = Phase.DONE
 
     def lost(self, *, was_kept: bool = False) -> None:
-        """An episode cannot be written: the open one, or one that was to be kept."""
+        """Note that an episode cannot be written: the open one, or one that was to be kept."""
         self.kept -= was_kept
         self.phase, self.until_s = Phase.DONE if self.is_over else Phase.IDLE, 0.0
 
     def miss(self) -> bool:
-        """An episode was kept that holds nothing; return whether another one is needed in its place."""
+        """Discount a kept episode that is empty; return whether another one must replace it."""
         self.kept -= 1
         if self.phase is not Phase.DONE or self.is_over:
             return False

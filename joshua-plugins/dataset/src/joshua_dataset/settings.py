@@ -76,7 +76,7 @@ _ADDRESS = 'Write an address such as remote_url: "hf://datasets/my-name/my-data"
 
 
 class StoreSettings(BlockSettings):
-    """What is recorded, replayed or uploaded, and where it stands.
+    """What is recorded, replayed or uploaded, and where it is stored.
 
     Attributes:
         folder: of the data set, absolute.
@@ -114,7 +114,7 @@ class StoreSettings(BlockSettings):
 
     @property
     def stop_timeout_s(self) -> float:
-        """Time that the node may take to stop; 0 for the usual one."""
+        """Time that the node may take to stop; 0 for the default."""
         return UPLOAD_TIMEOUT_S if self.operation == "record" and self.upload != "manual" else 0.0
 
     @classmethod
@@ -165,7 +165,7 @@ class StoreSettings(BlockSettings):
         if self.format == "lerobot" and self.pictures != "video":
             raise FieldError(
                 "pictures",
-                "LeRobot's layout keeps the pictures of a camera as a video",
+                "LeRobot's layout stores the pictures of a camera as a video",
                 allowed=("PICTURES_VIDEO",),
                 remedy="Remove pictures, or set format: FORMAT_PARQUET",
             )
@@ -173,7 +173,7 @@ class StoreSettings(BlockSettings):
         if twice:
             raise FieldError(
                 f"{list(self.buttons)[-1]}_button",
-                f"the button {twice[0]!r} has two meanings",
+                f"the button {twice[0]!r} has two functions",
                 remedy="Name another button",
             )
         return self
@@ -194,8 +194,8 @@ class StoreSettings(BlockSettings):
                 raise FieldError(
                     "remote_url", message, allowed=error.allowed, remedy=error.remedy or _ADDRESS
                 ) from None
-        elif self.operation != "upload":  # which a check of the mode asks for it
-            raise FieldError("remote_url", "STORAGE_CLOUD needs remote_url, the address", remedy=_ADDRESS)
+        elif self.operation != "upload":  # the check of the mode asks for it
+            raise FieldError("remote_url", "STORAGE_CLOUD requires remote_url, the address", remedy=_ADDRESS)
         if not self.folder and self.operation == "record":
             raise FieldError(
                 "local_path",
@@ -212,7 +212,7 @@ class StoreSettings(BlockSettings):
         return self
 
     def joint_unit(self, robot_type: str) -> str:
-        """Unit of joint positions in the data set: ``rad``, ``deg`` or ``lerobot``."""
+        """Return the unit of joint positions in the data set: ``rad``, ``deg`` or ``lerobot``."""
         if self.unit != "auto":
             return self.unit
         plain = re.sub(r"[^a-z0-9]", "", robot_type.lower())

@@ -1,4 +1,4 @@
-"""Statistics of features as LeRobot keeps them, of an episode and of a whole data set."""
+"""Statistics of features in LeRobot's form, for an episode and for a whole data set."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Statistics = dict[str, FloatArray]
 
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 
-#: Distance of the pixels of a picture that count, in both directions.
+#: Spacing of the sampled pixels of a picture, in both directions.
 PIXEL_STRIDE = 4
 
 
 def of_rows(rows: npt.ArrayLike) -> Statistics:
-    """Statistics of numbers, shape (N, D) → (D,) each; ``count`` has shape (1,)."""
+    """Compute the statistics of numbers, shape (N, D) → (D,) each; ``count`` has shape (1,)."""
     values = np.asarray(rows, dtype=np.float64)
     found: Statistics = {
         "min": values.min(axis=0),
@@ -34,21 +34,21 @@ def of_rows(rows: npt.ArrayLike) -> Statistics:
 
 
 class PictureStatistics:
-    """Statistics of pictures by channel, exact for the pixels that count, in constant memory."""
+    """Statistics of pictures by channel, exact for the sampled pixels, in constant memory."""
 
     def __init__(self) -> None:
         self.pictures = 0
         self._histogram = np.zeros((3, 256), np.int64)
 
     def add(self, picture: npt.NDArray[np.uint8]) -> None:
-        """Counts every ``PIXEL_STRIDE``-th pixel of a picture (H, W, 3)."""
+        """Add every ``PIXEL_STRIDE``-th pixel of a picture (H, W, 3)."""
         thinned = picture[::PIXEL_STRIDE, ::PIXEL_STRIDE]
         for channel in range(3):
             self._histogram[channel] += np.bincount(thinned[..., channel].ravel(), minlength=256)
         self.pictures += 1
 
     def result(self) -> Statistics:
-        """The statistics, in [0, 1], shape (3, 1, 1) as LeRobot keeps them. Needs a picture."""
+        """Return the statistics in [0, 1], shape (3, 1, 1) as in LeRobot. Requires a picture."""
         levels = np.arange(256) / 255.0
         total = self._histogram.sum(axis=1, keepdims=True)
         share = self._histogram / total
@@ -66,7 +66,7 @@ class PictureStatistics:
 
 
 def _quantile(rising: npt.NDArray[np.int64], levels: FloatArray, part: float) -> FloatArray:
-    """Quantile of each histogram, between neighbouring samples as numpy's default does it."""
+    """Return the quantile of each histogram, interpolated as numpy does by default."""
     found = []
     for counts in rising:
         at = part * (counts[-1] - 1)
@@ -78,7 +78,7 @@ def _quantile(rising: npt.NDArray[np.int64], levels: FloatArray, part: float) ->
 
 
 def merged(parts: Sequence[Statistics]) -> Statistics:
-    """Statistics of all rows of several parts; quantiles are weighted means, as in LeRobot."""
+    """Merge the statistics of several parts; quantiles are weighted means, as in LeRobot."""
     counts = np.array([part["count"][0] for part in parts])
     share = counts / counts.sum()
 
@@ -104,12 +104,12 @@ def merged(parts: Sequence[Statistics]) -> Statistics:
 
 
 def as_json(statistics: Statistics) -> dict[str, Any]:
-    """Plain lists; the count is a whole number."""
+    """Convert statistics to plain lists; the count becomes a whole number."""
     return {
         name: [int(value[0])] if name == "count" else value.tolist() for name, value in statistics.items()
     }
 
 
 def from_json(record: Mapping[str, Any]) -> Statistics:
-    """Reads what ``as_json`` wrote. Raises ValueError and TypeError."""
+    """Read what ``as_json`` wrote. Raises ValueError and TypeError."""
     return {name: np.asarray(value, np.float64) for name, value in record.items()}

@@ -19,17 +19,17 @@ NS_PER_S = 1_000_000_000
 #: Age of a topic's newest message at which it counts as missing.
 STALE_S = 1.0
 
-#: Features that hold until a message changes them, and are zero before the first one: their topics may be
-#: silent for as long as nothing changes.
+#: Features that hold until a message changes them, and are zero before the first one: their topics carry
+#: no message while nothing changes.
 LATCHED = ("intervention",)
 
-#: How many messages an estimate of another host's clock takes.
+#: Number of messages for an estimate of another host's clock.
 CLOCK_SAMPLES = 60
 
-#: How long a frame waits for a value that is still on its way through a camera or a network.
+#: How long a frame waits for a value that is delayed by a camera or a network.
 LATENCY_S = 0.25
 
-#: The same for numbers, at their best: what is older comes over a slow network, or from a clock behind.
+#: The same for numbers, at their shortest delay: above it, the network is slow or the clock is behind.
 NUMBERS_LATENCY_S = 0.05
 
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
@@ -37,16 +37,16 @@ COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 
 @dataclass(frozen=True)
 class RecorderStatus:
-    """What a recorder does just now.
+    """Current state of a recorder.
 
     Attributes:
-        phase: of the session; episode: number of the next or open episode; kept: episodes of this run.
+        phase: of the session; episode: number of the next or open episode; kept: episodes kept in this run.
         frames: of the open episode; elapsed_s, remaining_s: of the phase, remaining_s 0 if it has no end.
         rates_hz: of each topic; delays_s: shortest time from acquisition to reception, by feature; below 0
             the clock of the publishing host is ahead of this one.
         worst_alignment_s: largest distance of a value from its frame.
-        dropped, held: frames of this episode that lacked a value; missing: features that lack one just now.
-        queue_s: recording that waits to be written; encoder_load: share of a core; free_bytes: of the disk.
+        dropped, held: frames of this episode that lacked a value; missing: features that lack one at present.
+        queue_s: recorded time to be written; encoder_load: share of a core; free_bytes: of the disk.
     """
 
     phase: str
@@ -72,7 +72,7 @@ class RecorderStatus:
 
 @dataclass
 class Task:
-    """What the user is asked to show; empty continues to the next task of the file."""
+    """Task that the operator shows; empty for the next task of the file."""
 
     text: str = ""
 
@@ -92,7 +92,7 @@ class Stream:
         self._warned = False
 
     def take(self, message: Any, received_ns: int) -> int:
-        """Note a message; return its acquisition."""
+        """Note a message; return its acquisition time."""
         self.stamp_ns = acquired_ns(message, received_ns)
         self.newest, self.seen_s = message, time.monotonic()
         self._stamps.append(self.stamp_ns)
@@ -102,7 +102,7 @@ class Stream:
         return self.stamp_ns
 
     def at(self, stamp_ns: int) -> tuple[Any, int]:
-        """What held at a time, and since when it is known, for a latched feature."""
+        """Return the value of a latched feature at a time, and since when it is known."""
         for since_ns, value in reversed(tuple(self._changes)):
             if since_ns <= stamp_ns:
                 return np.asarray(value, self.feature.dtype).reshape(self.feature.shape), since_ns
@@ -112,12 +112,12 @@ class Stream:
     def delay_s(self) -> float:
         """Shortest time from acquisition to reception, of its newest messages; 0 without any.
 
-        It is the way through the network at its best, less what the clock of the publisher is ahead.
+        This is the shortest network delay, minus the lead of the publisher's clock.
         """
         return min(tuple(self._delays_ns), default=0) / NS_PER_S
 
     def clock_warning(self, tolerance_s: float) -> str:
-        """A warning, once, if the clock of the publisher differs by more than the tolerance; "" else."""
+        """A warning, once, if the clock of the publisher differs by more than the tolerance; else ""."""
         if self._warned or len(self._delays_ns) < CLOCK_SAMPLES:
             return ""
         delay_s = self.delay_s
@@ -133,28 +133,28 @@ class Stream:
 
     @property
     def age_s(self) -> float:
-        """How long ago its newest message came."""
+        """Age of its newest message."""
         return time.monotonic() - self.seen_s
 
     @property
     def stamps(self) -> tuple[int, ...]:
-        """Acquisition of its newest messages."""
+        """Acquisition times of its newest messages."""
         return tuple(self._stamps)
 
     @property
     def period_s(self) -> float:
-        """Mean distance of its messages; 0 while it is unknown."""
+        """Mean interval between its messages; 0 while it is unknown."""
         span = self._stamps[-1] - self._stamps[0] if len(self._stamps) > 1 else 0
         return span / (len(self._stamps) - 1) / NS_PER_S if span > 0 else 0.0
 
     @property
     def is_stale(self) -> bool:
-        """Whether its messages stay away."""
+        """Whether its newest message is too old."""
         return self.age_s > max(STALE_S, 3 * self.period_s)
 
 
 def picture(message: Any, feature: Feature) -> Any:
-    """Picture of a message, (H, W, 3) RGB. Raises MessageError and DatasetError."""
+    """Decode the picture of a message, (H, W, 3) RGB. Raises MessageError and DatasetError."""
     if type(message).__msgtype__ != COMPRESSED_IMAGE:
         return array_of(message)
     height, width, _ = feature.shape

@@ -16,7 +16,7 @@ GOAL, POSITION, GREY = "#1f62be", "#e26e14", "#7a8491"
 
 
 class Tracking:
-    """Goals of one arm in one episode, and where its joints were.
+    """Goals and measured positions of one arm in one episode.
 
     Args:
         names: of the joints.
@@ -43,7 +43,7 @@ class Tracking:
             yield f"{name:<20} {mean:.3f}  {p95:.3f}  {largest:.3f}"
 
     def svg(self, title: str) -> str:
-        """The picture; goals in blue, positions in orange."""
+        """Draw the picture: goals in blue, positions in orange."""
         step = max(1, len(self) // MOST_POINTS)
         time_s = np.array(self._time_s[::step])
         goals, positions = np.stack(self._goals[::step]), np.stack(self._positions[::step])

@@ -1,4 +1,4 @@
-"""Makes a data set from episodes of others: convert, merge, split, delete; on all cores."""
+"""Make a data set from episodes of others on all cores: convert, merge, split, delete."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Source:
 
 @dataclass(frozen=True)
 class _Job:
-    """One episode on its way into another data set."""
+    """One episode to be written into another data set."""
 
     folder: Path
     episode: Episode
@@ -74,14 +74,14 @@ def build(
 ) -> int:
     """Write the episodes of some data sets into a new one; return their number.
 
-    Videos are copied where codec and layout agree, else decoded and encoded.
+    Videos are copied where codec and layout agree, else re-encoded.
 
     Args:
         codec, pictures: of the new data set; "" takes those of the first source where it can.
-        progress: called with the episodes that are done, and all of them.
+        progress: called with the numbers of finished episodes and of all episodes.
 
     Raises:
-        EpisodeError, DatasetError: a source cannot be read, they do not match, or the target is taken.
+        EpisodeError, DatasetError: a source cannot be read, they do not match, or the target exists.
     """
     found = [Dataset.read(source.folder) for source in sources]
     layout = _layout(found, target, table_format, codec, pictures)
@@ -118,7 +118,9 @@ def _from_messages(
     """Write the frames of recorded messages, one episode after the other; return their number."""
     if not all(made_of):
         other = found[made_of.index(True)].folder
-        raise EpisodeError(f"{other} holds messages and another data set frames: convert it before the merge")
+        raise EpisodeError(
+            f"{other} contains messages, but another data set contains frames: convert it before the merge"
+        )
     total = sum(_count(source, dataset) for source, dataset in zip(sources, found, strict=True))
     for source, dataset in zip(sources, found, strict=True):
         wanted = None if source.episodes is None else set(source.episodes)
@@ -135,7 +137,7 @@ def delete(folder: Path, episodes: Sequence[int], *, workers: int | None = None)
     """Remove episodes from a data set; return how many are left. It is replaced as a whole, at the end.
 
     Raises:
-        EpisodeError, DatasetError: as ``build``; the data set stays as it was.
+        EpisodeError, DatasetError: as ``build``; the data set stays unchanged.
     """
     there = Dataset.read(folder)
     _check(folder, there, episodes)
@@ -218,10 +220,10 @@ def _jobs(sources: Sequence[Source], found: Sequence[Dataset], layout: DatasetLa
 
 
 def _prepare(job: _Job) -> _Prepared:
-    """Make the files of an episode (in a process of its own)."""
+    """Make the files of an episode (in a separate process)."""
     dataset, episode, layout = Dataset.read(job.folder), job.episode, job.layout
     columns = dataset.columns(episode)
-    if STAMP not in columns:  # LeRobot's own recordings have the time of the index alone
+    if STAMP not in columns:  # LeRobot's own recordings have only the time of the index
         columns[STAMP] = (columns["timestamp"].astype("float64") * NS_PER_S).round().astype("int64")
     try:
         kept = {feature.key: _numbers(feature, columns[feature.key]) for feature in layout.features.numbers}
@@ -281,7 +283,7 @@ def _pictures(job: _Job, dataset: Dataset, key: str) -> Statistics:
 
 
 def recomputed(folder: Path, *, workers: int | None = None) -> dict[str, Statistics]:
-    """Statistics of a data set from its data. Raises DatasetError."""
+    """Recompute the statistics of a data set from its data. Raises DatasetError."""
     dataset = Dataset.read(folder)
     together: dict[str, Statistics] = {}
     items = ((folder, episode) for episode in dataset.episode_list())

@@ -42,11 +42,11 @@ class DatasetWriter(EpisodeWriter):
 
     Args:
         layout: what the data set holds; videos have even widths and heights.
-        files: carries changes of the disk out.
+        files: file operations.
 
     Attributes:
         frames: of all episodes that have ended.
-        task: that a repair gives to an episode which was never ended.
+        task: given by a repair to an episode that was never ended.
         kept: episodes of the session before the open one.
     """
 
@@ -79,7 +79,7 @@ class DatasetWriter(EpisodeWriter):
 
     @property
     def waiting(self) -> int:
-        """Pictures that wait for their encoder, of the camera that is most behind."""
+        """Pictures that wait for their encoder, for the slowest camera."""
         return max((item.waiting for item in self._encoders), default=0)
 
     @property
@@ -88,7 +88,7 @@ class DatasetWriter(EpisodeWriter):
         return sum((item.busy_s for item in self._encoders), 0.0)
 
     def check(self) -> None:
-        """Refuse what ``open`` would refuse, and write nothing; features of unknown shape are left out.
+        """Refuse what ``open`` would refuse, without writing; features of unknown shape are skipped.
 
         Raises:
             EpisodeError: as ``open``.
@@ -208,7 +208,7 @@ class DatasetWriter(EpisodeWriter):
         return list(self._open.encoders.values()) if self._open is not None else []
 
     def _found(self) -> bool:
-        """Whether there is something to append to. Raises EpisodeError if it may not be, and OSError."""
+        """Return whether there is a data set to append to. Raises OSError; EpisodeError if it is unfit."""
         folder = self.layout.folder
         found = folder.exists() and any(path.name != PRIVATE for path in folder.iterdir())
         if found and not self.layout.resume:
@@ -274,7 +274,7 @@ class DatasetWriter(EpisodeWriter):
         for name, (ours, theirs) in pairs.items():
             if ours != theirs:
                 found.append(f"{name} is {ours} here and {theirs} there")
-        # a sensor whose messages nobody has seen yet has no shape to compare
+        # a sensor without a received message has no shape to compare
         known = {
             key: there.features[key] if 0 in feature.shape and key in there.features else feature
             for key, feature in layout.features.items()
@@ -352,7 +352,7 @@ class DatasetWriter(EpisodeWriter):
     def _remove_empty_folders(self) -> None:
         folder = self.layout.folder
         for inner in sorted(folder.rglob("*"), reverse=True):
-            with contextlib.suppress(OSError):  # what somebody else has put there stays
+            with contextlib.suppress(OSError):  # files of others stay
                 inner.rmdir()
         with contextlib.suppress(OSError):
             folder.rmdir()
@@ -377,6 +377,6 @@ class CsvWriter(DatasetWriter):
 
 
 class JsonlWriter(DatasetWriter):
-    """One JSON object a frame."""
+    """One JSON object per frame."""
 
     format = "jsonl"

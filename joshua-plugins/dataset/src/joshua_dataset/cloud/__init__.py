@@ -1,1 +1,1 @@
-"""Copies of data sets elsewhere: on the Hugging Face Hub, in object stores, on any fsspec scheme."""
+"""Remote copies of data sets: on the Hugging Face Hub, in object stores, on any fsspec file system."""

@@ -1,6 +1,6 @@
-"""Addresses of remote data sets, and what must never be shown of them.
+"""Addresses of remote data sets, and the removal of their secrets from texts.
 
-Settings import this module while a file is checked, so it imports no library of a remote.
+Settings import this module during validation, so it does not import the library of any remote.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ EXTRAS = {
     "gs": ("gcsfs", "gs", "gs://BUCKET/FOLDER"),
 }
 
-#: Other names of these schemes.
+#: Aliases of these schemes.
 ALIASES = {"gcs": "gs", "s3a": "s3"}
 
 FORMS = tuple(form for _, _, form in EXTRAS.values())
@@ -28,12 +28,12 @@ _HUB = re.compile(
     r"datasets/(?P<repo>[\w.-]+/[\w.-]+)(?:@(?P<revision>[\w.~%-]+))?(?:/(?P<folder>.+))?", re.ASCII
 )
 
-#: What tokens and keys of the usual remotes look like.
+#: Patterns of the tokens and keys of common remotes.
 _TOKENS = re.compile(
     r"hf_[A-Za-z0-9]{8,}|(?:AKIA|ASIA)[A-Z0-9]{12,}|ya29\.[\w.-]{8,}|gh[pousr]_\w{16,}|AIza[\w-]{20,}"
 )
 
-#: User and password in an address, what follows a question mark in one, and an authorization header.
+#: User and password in an address, its query, and an authorization header.
 _USER = re.compile(r"(?<=://)[^/\s@:]*:[^/\s@]*(?=@)")
 _QUERY = re.compile(r"(\b[a-z][a-z0-9+.-]*://[^\s?'\"]+)\?[^\s'\"]+", re.IGNORECASE)
 _BEARER = re.compile(r"\b(Bearer|Basic)\s+[\w.~+/=-]{6,}", re.IGNORECASE)
@@ -48,7 +48,7 @@ class AddressError(ValueError):
     """An address cannot be used.
 
     Attributes:
-        allowed: addresses that can; remedy: what to do.
+        allowed: forms that can be used; remedy: what to do.
     """
 
     def __init__(self, message: str, *, allowed: tuple[str, ...] = (), remedy: str = "") -> None:
@@ -72,49 +72,51 @@ class Address:
 
     @classmethod
     def parse(cls, text: str) -> Address:
-        """Read an address. Raises AddressError, whose text holds no secret."""
+        """Parse an address. Raises AddressError, whose text contains no secret."""
         if holds_secret(text):
             raise AddressError(
-                "the address holds a password or a token",
+                "the address contains a password or a token",
                 remedy="Remove it. Credentials come from the environment (HF_TOKEN, AWS_ACCESS_KEY_ID, "
-                "GOOGLE_APPLICATION_CREDENTIALS) or from the files that the tool of the remote writes",
+                "GOOGLE_APPLICATION_CREDENTIALS) or from the configuration files of the remote's own tool",
             )
         scheme, colon, path = text.strip().partition("://")
         scheme = ALIASES.get(scheme.lower(), scheme.lower())
         if not colon:
-            raise AddressError(f"{text!r} is no address: it has no scheme such as s3://", allowed=FORMS)
+            raise AddressError(f"{text!r} is not an address: it has no scheme such as s3://", allowed=FORMS)
         if scheme not in EXTRAS and scheme not in _others():
             raise AddressError(
-                f"{scheme}:// is no scheme that an installed library serves",
+                f"{scheme}:// is a scheme that no installed library supports",
                 allowed=FORMS,
-                remedy="Correct the scheme, or install the fsspec library that serves it",
+                remedy="Correct the scheme, or install the fsspec library that supports it",
             )
         path = path.rstrip("/")
         if scheme in EXTRAS and "?" in path:
-            raise AddressError(f"{scheme}:// takes no question mark", allowed=(EXTRAS[scheme][2],))
+            raise AddressError(
+                f"{scheme}:// addresses cannot contain a question mark", allowed=(EXTRAS[scheme][2],)
+            )
         if scheme == "hf" and not _HUB.fullmatch(path):
-            raise AddressError(f"{text!r} names no data set of the Hub", allowed=(EXTRAS["hf"][2],))
+            raise AddressError(f"{text!r} does not name a data set on the Hub", allowed=(EXTRAS["hf"][2],))
         if not path or ".." in path.split("/"):
-            raise AddressError(f"{text!r} names no folder", allowed=FORMS)
+            raise AddressError(f"{text!r} does not name a folder", allowed=FORMS)
         return cls(scheme, path)
 
     @property
     def hub(self) -> tuple[str, str | None, str]:
-        """Of ``hf://``: repository, revision (None for the main branch), folder in it ("" for all of it)."""
+        """Return repository, revision (None for the main branch) and folder ("" for all) of ``hf://``."""
         match = _HUB.fullmatch(self.path)
         assert match is not None
         return match["repo"], match["revision"], match["folder"] or ""
 
     @property
     def missing(self) -> tuple[str, str]:
-        """Library that is not installed, and the extra that brings it; "" if all is there."""
+        """Return the missing library and the extra that installs it; "" if nothing is missing."""
         module, extra, _ = EXTRAS.get(self.scheme, ("fsspec", "cloud", ""))
         needed = (module,) if extra == "hf" else (module, "fsspec")
         return ("", "") if all(find_spec(name) for name in needed) else (module, extra)
 
 
 def _others() -> Iterator[str]:
-    """Schemes of fsspec itself, and of the libraries that registered theirs."""
+    """Yield the schemes of fsspec itself and of the libraries registered with it."""
     for entry in entry_points(group="fsspec.specs"):
         yield entry.name
     if find_spec("fsspec") is not None:
@@ -124,7 +126,7 @@ def _others() -> Iterator[str]:
 
 
 def holds_secret(text: str) -> bool:
-    """Whether an address has a password, a token, or a parameter that is named like one."""
+    """Return whether an address contains a password, a token, or a parameter named like one."""
     if _USER.search(text) or _TOKENS.search(text):
         return True
     first, _, _ = text.partition("://")[2].partition("/")
@@ -134,7 +136,7 @@ def holds_secret(text: str) -> bool:
 
 
 def redacted(text: str, environment: Mapping[str, str] | None = None) -> str:
-    """A text without passwords, tokens, parameters of addresses, and values of secret variables."""
+    """Remove passwords, tokens, address parameters and the values of secret variables from a text."""
     for name, value in (os.environ if environment is None else environment).items():
         if len(value) >= 8 and _SECRET_NAME.search(name) and not value.startswith("/"):
             text = text.replace(value, HIDDEN)

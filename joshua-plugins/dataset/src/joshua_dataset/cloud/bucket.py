@@ -26,20 +26,20 @@ from joshua_dataset.cloud.store import (
     read_back,
 )
 
-#: Size of the parts of a large object, and how many parts an object may have.
+#: Part size of a large object, and the maximum number of parts.
 PART = 8 << 20
 MOST_PARTS = 9000
 
-#: Part sizes of other programs, to recognise what they have sent.
+#: Part sizes of other programs, to recognise their uploads.
 PARTS = (PART, 5 << 20, 10 << 20, 15 << 20, 16 << 20, 25 << 20, 32 << 20, 50 << 20, 64 << 20, 100 << 20)
 
-#: Statuses of a session that has expired.
+#: HTTP statuses of an expired session.
 _GONE = (404, 410)
 
 _MD5 = re.compile(r"[0-9a-f]{32}")
 _ETAG = re.compile(r"[0-9a-f]{32}-\d+")
 
-#: Where file systems say when a file was changed.
+#: Keys under which file systems report the modification time of a file.
 _CHANGED = ("mtime", "LastModified", "last_modified", "modified", "updated", "created")
 
 
@@ -117,7 +117,7 @@ class Bucket(Store):
                 tally.finish()
                 return there
             tally.add(-item.digest.size)
-        raise RemoteError(f"{self.address}: {item.name} has arrived damaged {ATTEMPTS} times")
+        raise RemoteError(f"{self.address}: {item.name} arrived damaged {ATTEMPTS} times")
 
     def _put(self, item: Outgoing, tally: Tally) -> None:
         from fsspec.callbacks import Callback
@@ -125,7 +125,7 @@ class Bucket(Store):
         moved = 0
 
         class Counting(Callback):  # type: ignore[misc]
-            """Counts for the whole transfer what fsspec counts for one file."""
+            """Adds fsspec's progress on one file to the whole transfer."""
 
             def relative_update(self, inc: int = 1) -> None:
                 nonlocal moved
@@ -143,7 +143,7 @@ class Bucket(Store):
             return self._put_session(item, place, tally)
         try:
             with self._translating(f"sending {item.name}"):
-                if not self._is_object_store:  # which has no folders, and would make buckets
+                if not self._is_object_store:  # which has no folders, and would create buckets
                     self._files.makedirs(self._files._parent(place), exist_ok=True)
                 self._files.put_file(str(item.path), place, callback=Counting(), **options)
         except RemoteError:
@@ -152,7 +152,7 @@ class Bucket(Store):
         return tally.add(item.digest.size - moved)
 
     def _put_parts(self, item: Outgoing, place: str, tally: Tally) -> None:
-        """Send an object to S3 in parts; those that an earlier attempt, or run, has sent are left out."""
+        """Send an object to S3 in parts, skipping those that an earlier attempt or run has sent."""
         size, (bucket, key, _) = _part(item.digest.size), self._files.split_path(place)
         moved, parts = 0, []
         target = {"Bucket": bucket, "Key": key}
@@ -176,8 +176,8 @@ class Bucket(Store):
             raise
 
     def _begun(self, target: dict[str, str]) -> tuple[str, dict[int, str]]:
-        """Number of an upload in parts that was begun before, or of a new one; ETags of its parts."""
-        with contextlib.suppress(PermissionError):  # to list such uploads is a right of its own
+        """Return the id of a multipart upload, begun before or new, and the ETags of its parts."""
+        with contextlib.suppress(PermissionError):  # listing such uploads requires a separate permission
             found = self._files.call_s3(
                 "list_multipart_uploads", Bucket=target["Bucket"], Prefix=target["Key"]
             )
@@ -189,7 +189,7 @@ class Bucket(Store):
         return self._files.call_s3("create_multipart_upload", **target)["UploadId"], {}
 
     def _put_session(self, item: Outgoing, place: str, tally: Tally) -> None:
-        """Send an object to Google in a session; it continues where an earlier attempt, or run, has ended."""
+        """Send an object to Google in a session, resuming an earlier attempt or run."""
         size, moved = item.digest.size, 0
         try:
             with self._translating(f"sending {item.name}"), item.path.open("rb") as file:
@@ -201,7 +201,7 @@ class Bucket(Store):
                     span = f"bytes {moved}-{moved + len(data) - 1}/{size}"
                     there = self._received(session, span, data, size)
                     if there <= moved:
-                        raise RemoteError(f"{self.address}: {item.name} was not taken", transient=True)
+                        raise RemoteError(f"{self.address}: {item.name} was not accepted", transient=True)
                     tally.add(there - moved)
                     moved = there
                 self.sessions.forget(item)
@@ -210,7 +210,7 @@ class Bucket(Store):
             raise
 
     def _session(self, item: Outgoing, place: str) -> tuple[str, int]:
-        """Address of an upload that was begun before, or of a new one; bytes that are there."""
+        """Return the address of an upload, begun before or new, and the number of bytes already received."""
         address = str(self.sessions.get(item).get("address", ""))
         if address:
             try:
@@ -228,14 +228,14 @@ class Bucket(Store):
         return address, 0
 
     def _received(self, session: str, span: str, data: bytes, size: int) -> int:
-        """Send some bytes, and return how many of the object are there then."""
+        """Send some bytes, and return how many bytes of the object the remote has received."""
         headers, content = self._files.call("PUT", session, headers={"Content-Range": span}, data=data)
         if content.strip():
             return size  # the description of the object, which is complete
         return int(headers["Range"].rpartition("-")[2]) + 1 if "Range" in headers else 0
 
     def _is_zonal(self) -> bool:
-        """Whether the bucket takes objects by another protocol."""
+        """Return whether the bucket requires another upload protocol."""
         from fsspec.asyn import sync
 
         ask = getattr(self._files, "_is_zonal_bucket", None)
@@ -256,7 +256,7 @@ class Bucket(Store):
         return f"{self._root}/{name}"
 
     def _require_bucket(self) -> None:
-        """An object store answers a listing of a bucket that does not exist with nothing."""
+        """Raise an error if the bucket does not exist; object stores list it as empty."""
         bucket = self._root.partition("/")[0]
         try:
             self._files.ls(self._root, detail=False)
@@ -276,12 +276,12 @@ class Bucket(Store):
 
 
 def _part(size: int) -> int:
-    """Size of the parts of an object: a multiple of PART, which fits the limits of the object stores."""
+    """Return the part size of an object: a multiple of PART within the limits of object stores."""
     return PART * max(1, -(-size // (PART * MOST_PARTS)))
 
 
 def _options(scheme: str) -> dict[str, Any]:
-    """What the library of a scheme is told: to give up soon, because the transfer itself is patient."""
+    """Return the library options of a scheme: short timeouts, because the transfer itself retries."""
     options: dict[str, Any] = {"skip_instance_cache": True, "use_listings_cache": False}
     if scheme == "s3":
         retries = {"max_attempts": 2, "mode": "standard"}

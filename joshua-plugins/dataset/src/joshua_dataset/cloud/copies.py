@@ -1,4 +1,4 @@
-"""What uploads and downloads share: the files of a data set, and what makes two data sets the same one."""
+"""Shared parts of uploads and downloads: the files of a data set, and the comparison of two data sets."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from joshua_dataset.cloud.store import RemoteFile, Store, Tally
 from joshua_dataset.metadata import CHUNK_SIZE, INFO, OURS, TASKS
 from joshua_dataset.reader import LARGEST_JSON, Dataset, DatasetError
 
-#: Transfers of files side by side.
+#: Number of files transferred in parallel.
 JOBS = 4
 
-#: Beside a data set without checksums of its remote: ``sha256sum --check`` reads it.
+#: Checksum file beside a data set whose remote keeps no checksums; ``sha256sum --check`` reads it.
 SUMS = "SHA256SUMS"
 
 #: Tasks of a data set in LeRobot's layout v2.
 V2_TASKS = INFO.with_name("tasks.jsonl")
 
-#: Counts the episodes, so it moves last: whoever reads a copy that is not finished finds it as it was before.
+#: Counts the episodes, so it is moved last: a reader of an unfinished copy sees the previous state.
 INFO_NAME = INFO.as_posix()
 
-#: Whose log lines may hold signed addresses; what goes wrong is raised.
+#: Libraries whose log lines may contain signed addresses; their errors are raised anyway.
 _LIBRARIES = (
     *("huggingface_hub", "httpx", "httpx2", "httpcore", "httpcore2", "urllib3", "requests"),
     *("fsspec", "s3fs", "aiobotocore", "botocore", "aiohttp", "gcsfs", "google", "asyncio"),
@@ -42,11 +42,11 @@ _SUM = re.compile(r"([0-9a-f]{64}) [ *](.+)")
 
 @dataclass(frozen=True)
 class Summary:
-    """What a transfer has done.
+    """Summary of a transfer.
 
     Attributes:
         address: of the remote; files: of the data set; moved_files, moved_bytes: by this transfer.
-        seconds: that it took; unproven: files for which neither side had a checksum.
+        seconds: its duration; unproven: files for which neither side had a checksum.
     """
 
     address: str
@@ -64,12 +64,12 @@ class Summary:
         )
         text += f" in {self.seconds:.1f} s ({size_text(self.moved_bytes / max(self.seconds, 1e-3))}/s)"
         if self.unproven:
-            text += f"; {self.unproven} files have no checksum there, and only their sizes were compared"
+            text += f"; {self.unproven} remote files have no checksum, and only their sizes were compared"
         return text
 
 
 def store_of(text: str) -> Store:
-    """The remote of an address. Raises AddressError, RemoteError."""
+    """Open the remote of an address. Raises AddressError, RemoteError."""
     address = Address.parse(text)
     for name in _LIBRARIES:
         logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -77,7 +77,7 @@ def store_of(text: str) -> Store:
 
 
 def differences(here: Dataset, there: Dataset) -> list[str]:
-    """What makes two data sets different ones, a phrase for each."""
+    """Return a phrase for each difference between two data sets."""
     pairs = {
         "format": (here.format, there.format),
         "fps": (here.fps, there.fps),
@@ -85,7 +85,7 @@ def differences(here: Dataset, there: Dataset) -> list[str]:
         **{name: (value, there.identity.get(name, value)) for name, value in here.identity.items()},
     }
     found = [
-        f"{name} is {ours} here and {theirs} there"
+        f"{name} is {ours} on this machine and {theirs} at the remote"
         for name, (ours, theirs) in pairs.items()
         if ours != theirs
     ]
@@ -93,7 +93,7 @@ def differences(here: Dataset, there: Dataset) -> list[str]:
 
 
 def remote_dataset(store: Store, there: Mapping[str, RemoteFile], tally: Tally) -> Dataset:
-    """The metadata of a remote data set. Raises RemoteError."""
+    """Read the metadata of a remote data set. Raises RemoteError."""
     with tempfile.TemporaryDirectory(prefix="joshua-remote-") as scratch:
         folder = Path(scratch)
         for name in (item.as_posix() for item in (INFO, TASKS, V2_TASKS)):
@@ -110,13 +110,13 @@ def remote_dataset(store: Store, there: Mapping[str, RemoteFile], tally: Tally) 
 def _content(store: Store, there: RemoteFile, tally: Tally) -> bytes:
     if there.size > LARGEST_JSON:
         raise RemoteError(
-            f"{store.address}: {there.name} has {there.size} bytes, which is too much for metadata"
+            f"{store.address}: {there.name} has {there.size} bytes, which is too large for metadata"
         )
     return tally.patiently(lambda: b"".join(store.chunks(there, 0)))
 
 
 def sums_of(store: Store, there: Mapping[str, RemoteFile], tally: Tally) -> dict[str, str]:
-    """SHA-256 of the files by name, from the file of checksums. Raises RemoteError."""
+    """Read the SHA-256 of the files by name from the checksum file. Raises RemoteError."""
     if SUMS not in there or not store.keeps_sums:
         return {}
     text = _content(store, there[SUMS], tally).decode("utf-8", "replace")
@@ -124,24 +124,24 @@ def sums_of(store: Store, there: Mapping[str, RemoteFile], tally: Tally) -> dict
 
 
 def is_ours(info: Mapping[str, Any]) -> bool:
-    """Whether each episode has files of its own, which never change."""
+    """Return whether each episode has its own files, which never change."""
     return OURS in info
 
 
 def episode_of(name: str) -> int | None:
-    """The episode that a file of ours belongs to; None for a file of all episodes."""
+    """Return the episode that a file belongs to; None for a file shared by all episodes."""
     match = _EPISODE.search(name)
     return int(match[1]) * CHUNK_SIZE + int(match[2]) if match else None
 
 
 def is_counted(name: str, episodes: int, is_ours: bool) -> bool:
-    """Whether a file belongs to a data set of so many episodes: a recorder may be writing the next one."""
+    """Return whether a file belongs to the first episodes; a recorder may be writing the next one."""
     number = episode_of(name)
     return not is_ours or number is None or number < episodes
 
 
 def is_safe(name: str) -> bool:
-    """Whether the name of a remote file is one of a data set, inside its folder."""
+    """Return whether a remote file name is one of a data set and stays inside its folder."""
     parts = PurePosixPath(name).parts
     return (
         bool(parts)
@@ -151,14 +151,14 @@ def is_safe(name: str) -> bool:
 
 
 def summary(store: Store, tally: Tally, unproven: int = 0) -> Summary:
-    """What a transfer has done."""
+    """Summarise a transfer."""
     return Summary(
         str(store.address), tally.files, tally.moved_files, tally.moved_bytes, tally.elapsed_s, unproven
     )
 
 
 def size_text(count: float) -> str:
-    """Bytes for people."""
+    """Format a number of bytes for people."""
     return (
         f"{count / 1e3:.1f} kB"
         if count < 1e6
@@ -169,7 +169,7 @@ def size_text(count: float) -> str:
 
 
 def progress_text(tally: Tally) -> str:
-    """How far a transfer is, on one line."""
+    """Describe the progress of a transfer on one line."""
     left = tally.remaining_s
     done, size = size_text(tally.done_bytes), size_text(tally.bytes)
     text = f"{tally.done_files} of {tally.files} files, {done} of {size}"

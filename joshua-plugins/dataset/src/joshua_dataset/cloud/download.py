@@ -1,4 +1,4 @@
-"""Downloads of data sets: what is here already stays, what comes is proven by its checksum."""
+"""Downloads of data sets: existing files stay, and checksums verify every file received."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ from joshua_dataset.metadata import INFO
 from joshua_dataset.open_episode import read_journal
 from joshua_dataset.reader import Dataset
 
-#: Room that a download leaves on a disk.
+#: Free space that a download leaves on a disk.
 SPARE_BYTES = 64 << 20
 
 
 def download(
     store: Store, folder: Path, tally: Tally, *, jobs: int = JOBS, files: Files | None = None
 ) -> Summary:
-    """Make a folder equal to a remote data set; one that was begun, or an older copy, is completed.
+    """Make a folder equal to a remote data set, completing an interrupted download or an older copy.
 
     Args:
-        tally: of this transfer; jobs: files side by side; files: carries changes of the disk out.
+        tally: of this transfer; jobs: files in parallel; files: file operations.
 
     Raises:
-        RemoteError: among others where the folder holds something else.
+        RemoteError: for example, the folder holds something else.
     """
     there = {name: item for name, item in tally.patiently(store.listing).items() if is_safe(name)}
     if INFO_NAME not in there:
@@ -89,7 +89,7 @@ def download(
                 raise RemoteError(f"{folder} cannot be written: {error.strerror or error}") from error
             raise RemoteError(
                 f"the disk of {folder} is full: {tally.done_files} of {tally.files} files are complete. "
-                "Free some space and run the same command again, which goes on from there"
+                "Free some space and run the same command again to resume"
             ) from error
         finally:
             ledger.save()
@@ -100,10 +100,10 @@ def download(
 
 
 class _Incoming:
-    """Files on their way into a folder: unfinished ones wait in a private folder, by name and content.
+    """Incoming files of a folder; unfinished ones wait in a private folder, by name and content.
 
     Attributes:
-        begun: an earlier download has left something; bytes: of what it has left.
+        begun: an earlier download left unfinished files; bytes: their size.
         unproven: files without a checksum.
     """
 
@@ -120,14 +120,14 @@ class _Incoming:
         self._lock = threading.Lock()
 
     def has(self, there: RemoteFile) -> bool:
-        """Whether the folder has this file."""
+        """Return whether the folder has this file."""
         path = self._folder / there.name
         if not path.is_file() or path.stat().st_size != there.size:
             return False
         return self._fits(there, path, self._ledger.digest(there.name)) is True
 
     def fetch(self, there: RemoteFile) -> None:
-        """Fetch a file, going on where an earlier attempt ended, and put it in its place."""
+        """Fetch a file, resuming an earlier attempt, and move it into place."""
         part = self._place / hashlib.sha256(f"{there.name}\n{there.size}\n{there.state}".encode()).hexdigest()
         if part.exists() and part.stat().st_size > there.size:
             part.unlink()
@@ -142,10 +142,10 @@ class _Incoming:
                 return
             part.unlink()
             self._tally.add(-there.size)
-        raise RemoteError(f"{self._store.address}: {there.name} has arrived damaged {ATTEMPTS} times")
+        raise RemoteError(f"{self._store.address}: {there.name} arrived damaged {ATTEMPTS} times")
 
     def close(self) -> None:
-        """Remove what is left of earlier versions."""
+        """Remove leftovers of earlier versions."""
         shutil.rmtree(self._place, ignore_errors=True)
 
     def _receive(self, there: RemoteFile, part: Path) -> None:
@@ -161,7 +161,7 @@ class _Incoming:
         return same
 
     def _put(self, part: Path, path: Path) -> None:
-        with self._lock:  # two threads must not make the same folder
+        with self._lock:  # two threads must not create the same folder
             self._files.make_folder(path.parent)
         self._files.sync(part)
         self._files.replace(part, path)
@@ -169,7 +169,7 @@ class _Incoming:
 
 
 def _check_local(store: Store, folder: Path, remote: Dataset) -> None:
-    """Refuse to download into a folder of something else."""
+    """Refuse to download into a folder that holds something else."""
     remedy = "Name another folder"
     if read_journal(folder) is not None:
         raise RemoteError(f"{folder} has an unfinished episode. Run `joshua dataset repair {folder}` first")
@@ -180,18 +180,18 @@ def _check_local(store: Store, folder: Path, remote: Dataset) -> None:
         raise RemoteError(f"{folder} holds a data set that differs: {'; '.join(different)}. {remedy}")
     if local.episodes > remote.episodes:
         raise RemoteError(
-            f"{folder} has {local.episodes} episodes, and {store.address} has {remote.episodes}. "
+            f"{folder} has {local.episodes} episodes, but {store.address} has {remote.episodes}. "
             f"{remedy}, or upload them with `joshua dataset upload`"
         )
 
 
 def _check_kept(store: Store, folder: Path, local: Dataset, todo: list[str]) -> None:
-    """Refuse to replace an episode that was recorded here."""
+    """Refuse to replace an episode that was recorded locally."""
     for name in todo if is_ours(local.info) else ():
         number = episode_of(name)
         if number is not None and number < local.episodes and (folder / name).is_file():
             raise RemoteError(
-                f"{store.address} has another episode {number}: {name} differs. Name another folder"
+                f"{store.address} has a different episode {number}: {name} differs. Name another folder"
             )
 
 

@@ -1,4 +1,4 @@
-"""What goes wrong at a remote, in words that say what to do; no message holds a secret."""
+"""Errors of remotes, with messages that say what to do and contain no secret."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from joshua.features import EpisodeError
 
 from joshua_dataset.cloud.address import Address, redacted
 
-#: How each remote takes credentials.
+#: How to provide credentials for each remote.
 CREDENTIALS = {
     "hf": "set HF_TOKEN to a token with write access, or run `hf auth login`",
     "s3": "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE, or run `aws configure`",
@@ -38,7 +38,7 @@ _ABSENT = ("NoSuchBucket", "RepositoryNotFoundError", "RevisionNotFoundError", "
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _RETRIED_STATUSES = (408, 425, 429, 500, 502, 503, 504)
 
-#: Modules whose exceptions, where nothing else is known of them, are those of a connection.
+#: Modules whose otherwise unknown exceptions count as connection errors.
 _NETWORK_MODULES = ("aiohttp", "httpx", "httpx2", "httpcore", "httpcore2", "urllib3", "requests", "ssl")
 _NETWORK_NAMES = (
     "EndpointConnectionError",
@@ -60,8 +60,8 @@ class RemoteError(EpisodeError):
     """A remote cannot be read or written.
 
     Attributes:
-        transient: trying again may help; the network, or the remote, had a fault.
-        exit_code: of the program, if this ends it.
+        transient: a retry may help, because the network or the remote had a fault.
+        exit_code: of the program, if this error ends it.
     """
 
     exit_code = 1
@@ -78,16 +78,16 @@ class NotInstalledError(RemoteError):
 
 
 class StoppedError(RemoteError):
-    """A transfer ended early, because it was asked to."""
+    """A transfer was stopped on request."""
 
 
 def disk_full(error: BaseException) -> bool:
-    """Whether an error says that a disk of this machine has no room left."""
+    """Return whether an error means that a local disk is full."""
     return any(isinstance(item, OSError) and item.errno in _FULL for item in _chain(error))
 
 
 def translated(error: BaseException, address: Address, doing: str) -> RemoteError:
-    """An exception of a remote's library as an error that says what to do.
+    """Translate an exception of a remote's library into an error that says what to do.
 
     Args:
         doing: what failed, such as ``sending meta/info.json``.
@@ -98,9 +98,9 @@ def translated(error: BaseException, address: Address, doing: str) -> RemoteErro
     names = [type(item).__name__ for item in chain]
     codes = [code for item in chain if (code := _code(item))]
     status = next((found for item in chain if (found := _status(item))), 0)
-    login = CREDENTIALS.get(address.scheme, "see the documentation of the library of this scheme")
+    login = CREDENTIALS.get(address.scheme, "see the documentation of this scheme's library")
     if isinstance(error, ImportError):
-        return NotInstalledError(f"{address} needs a library that is not installed: {error}")
+        return NotInstalledError(f"{address} requires a library that is not installed: {error}")
     if _any(names, _NO_CREDENTIALS):
         return RemoteError(f"no credentials for {address.scheme}://: {login}")
     if _any(names, _EXPIRED) or _any(codes, _EXPIRED_CODES):
@@ -108,7 +108,7 @@ def translated(error: BaseException, address: Address, doing: str) -> RemoteErro
     if _any([*names, *codes], _ABSENT) or _bucket_is_absent(error):
         if address.scheme == "hf":
             return RemoteError(
-                f"{address} does not exist, or this account may not see it. Correct remote_url, or {login}"
+                f"{address} does not exist, or this account has no access. Correct remote_url, or {login}"
             )
         place = address.path.partition("/")[0]
         return RemoteError(
@@ -116,10 +116,10 @@ def translated(error: BaseException, address: Address, doing: str) -> RemoteErro
         )
     if status == 401:
         return RemoteError(f"{address} refuses the credentials, which are missing, wrong or expired: {login}")
-    is_forbidden = status == 403 or str(error).startswith("Forbidden")  # gcsfs keeps no status of it
+    is_forbidden = status == 403 or str(error).startswith("Forbidden")  # gcsfs does not keep its status
     if is_forbidden or _any(codes, _REFUSED_CODES) or "PermissionError" in names:
         return RemoteError(
-            f"{address} refuses access: these credentials are wrong, or may not write or read there: {login}"
+            f"{address} refuses access: the credentials are wrong, or lack read or write permission: {login}"
         )
     why = redacted(_shortest(chain))
     network = (
@@ -133,13 +133,13 @@ def translated(error: BaseException, address: Address, doing: str) -> RemoteErro
 
 
 def require_library(address: Address) -> None:
-    """Raise NotInstalledError where the library of a scheme is not installed."""
+    """Raise NotInstalledError if the library of a scheme is not installed."""
     library, extra = address.missing
     if library:
         from joshua.tools import install
 
         how = install("joshua-dataset", extra)
-        raise NotInstalledError(f"{address.scheme}:// needs {library}, which is not installed: {how}")
+        raise NotInstalledError(f"{address.scheme}:// requires {library}, which is not installed: {how}")
 
 
 def _chain(error: BaseException) -> Iterator[BaseException]:
@@ -156,7 +156,7 @@ def _any(found: list[str], wanted: tuple[str, ...]) -> bool:
 
 
 def _code(error: BaseException) -> str:
-    """The error code of S3."""
+    """Return the S3 error code."""
     response: Any = getattr(error, "response", None)
     if isinstance(response, dict):
         return str(response.get("Error", {}).get("Code", ""))
@@ -164,7 +164,7 @@ def _code(error: BaseException) -> str:
 
 
 def _status(error: BaseException) -> int:
-    """The HTTP status that a library keeps in one place or another."""
+    """Return the HTTP status, which libraries keep in different places."""
     response: Any = getattr(error, "response", None)
     if isinstance(response, dict):
         found = response.get("ResponseMetadata", {}).get("HTTPStatusCode", 0)
@@ -184,7 +184,7 @@ def _bucket_is_absent(error: BaseException) -> bool:
 
 
 def _shortest(chain: list[BaseException]) -> str:
-    """What the innermost error with a text says, on one line."""
+    """Return the text of the innermost error that has one, on one line."""
     for item in reversed(chain):
         if text := " ".join(str(item).split()):
             return f"{type(item).__name__}: {text[:300]}"

@@ -1,4 +1,4 @@
-"""Data sets on the Hugging Face Hub, by its own protocol: content first, then a commit that names it."""
+"""Data sets on the Hugging Face Hub, over its own protocol: content first, then a commit that lists it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from joshua_dataset.cloud.ledger import Digest
 from joshua_dataset.cloud.lfs import LEAST, send_in_parts
 from joshua_dataset.cloud.store import ATTEMPTS, CHUNK, Outgoing, RemoteFile, Store, Tally, in_parallel
 
-#: Files of one commit.
+#: Number of files in one commit.
 COMMIT_FILES = 100
 
 CARD = """\
@@ -33,13 +33,13 @@ This data set was recorded with JOSHUA in the layout of LeRobot.
 
 
 class Hub(Store):
-    """A repository of data on the Hub.
+    """Data set repository on the Hub.
 
     Args:
         address: of the repository, with a revision and a folder if it names them.
     """
 
-    keeps_sums = False  # the Hub has checksums of its own
+    keeps_sums = False  # the Hub has its own checksums
 
     def __init__(self, address: Address) -> None:
         super().__init__(address)
@@ -55,7 +55,7 @@ class Hub(Store):
         self._has_card = False
 
     def prepare(self) -> None:
-        """Create the repository, private; one that exists stays as it is."""
+        """Create the repository as private; an existing one stays unchanged."""
         with self._translating("creating the repository"):
             self._api.create_repo(self._repository, repo_type="dataset", private=True, exist_ok=True)
             if self._revision is not None:
@@ -110,7 +110,7 @@ class Hub(Store):
                         damaged.append(item)
             waiting = damaged
         if waiting:
-            raise RemoteError(f"{self.address}: {waiting[0].name} has arrived damaged {ATTEMPTS} times")
+            raise RemoteError(f"{self.address}: {waiting[0].name} arrived damaged {ATTEMPTS} times")
 
     def chunks(self, there: RemoteFile, start: int) -> Iterator[bytes]:
         """See ``Store``."""
@@ -167,7 +167,7 @@ class Hub(Store):
             )
 
     def _commit(self, batch: Sequence[Outgoing], tally: Tally, jobs: int) -> dict[str, RemoteFile]:
-        """Send contents side by side, then commit them; what has arrived once is not sent again."""
+        """Send contents in parallel, then commit them; content received once is not sent again."""
         from huggingface_hub import CommitOperationAdd
         from huggingface_hub.utils._runtime import is_xet_available
 

@@ -1,4 +1,4 @@
-"""Checksums of local files, and what is known to stand at remotes, kept from one transfer to the next."""
+"""Checksums of local files and of verified remote files, kept between transfers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _BLOCK = 1 << 20
 
 @dataclass(frozen=True)
 class Digest:
-    """Checksums of a content: ``blob`` is that of git. Hexadecimal."""
+    """Checksums of a file's content, hexadecimal; ``blob`` is git's."""
 
     size: int
     sha256: str
@@ -31,7 +31,7 @@ class Digest:
 
     @classmethod
     def of(cls, path: Path) -> Digest:
-        """Read a file. Raises OSError."""
+        """Compute the checksums of a file. Raises OSError."""
         size = path.stat().st_size
         sha256, md5 = hashlib.sha256(), hashlib.md5(usedforsecurity=False)
         blob = hashlib.sha1(f"blob {size}\0".encode(), usedforsecurity=False)
@@ -43,7 +43,7 @@ class Digest:
 
 
 def etag_in_parts(path: Path, part: int) -> str:
-    """The ETag that S3 gives to an object uploaded in parts of a size. Raises OSError."""
+    """Return the ETag that S3 gives to an object uploaded in parts of this size. Raises OSError."""
     digests = []
     with path.open("rb") as file:
         while block := file.read(part):
@@ -52,7 +52,7 @@ def etag_in_parts(path: Path, part: int) -> str:
 
 
 class Ledger:
-    """Remembers checksums in the private folder of a data set; without it they are computed again.
+    """Cache of checksums in the private folder of a data set.
 
     Args:
         folder: of the data set.
@@ -69,7 +69,7 @@ class Ledger:
             self._digests, self._remotes = digests, {key: dict(value) for key, value in remotes.items()}
 
     def digest(self, name: str) -> Digest:
-        """Checksums of a file of the data set. Raises OSError."""
+        """Return the checksums of a file of the data set. Raises OSError."""
         path = self._folder / name
         state = path.stat()
         key = [state.st_size, state.st_mtime_ns]
@@ -82,17 +82,17 @@ class Ledger:
         return found
 
     def proven(self, remote: str, name: str, state: str) -> str:
-        """SHA-256 of a remote file that was read back in this state; "" if none was."""
+        """Return the SHA-256 of a remote file that was read back in this state; "" if it was not."""
         known = self._remotes.get(remote, {}).get(name)
         return str(known[1]) if isinstance(known, list) and state and known[0] == state else ""
 
     def prove(self, remote: str, name: str, state: str, sha256: str) -> None:
-        """Remember what a remote file holds."""
+        """Store the checksum of a remote file."""
         with self._lock:
             self._remotes.setdefault(remote, {})[name] = [state, sha256]
 
     def save(self) -> None:
-        """Write it; a folder that cannot be written keeps none."""
+        """Write the ledger; skipped if the folder is not writable."""
         with self._lock, contextlib.suppress(OSError):
             self._path.parent.mkdir(exist_ok=True)
             fresh = self._path.with_suffix(".new")
@@ -103,7 +103,7 @@ class Ledger:
 
 
 def names_of(folder: Path) -> Iterator[str]:
-    """The files of a data set, data before metadata, without ``meta/info.json`` and hidden files."""
+    """Yield the files of a data set, data before metadata, without ``meta/info.json`` and hidden files."""
     found = []
     for place, folders, files in os.walk(folder):
         folders[:] = sorted(item for item in folders if not item.startswith("."))
@@ -115,5 +115,5 @@ def names_of(folder: Path) -> Iterator[str]:
 
 
 def rank(name: str) -> tuple[int, str]:
-    """Order in which files are moved: a reader finds nothing named that is not there."""
+    """Return the sort key of a transfer: a file follows the files that it references."""
     return (0 if not name.startswith("meta/") else 1 if name.startswith("meta/episodes") else 2, name)

@@ -1,6 +1,6 @@
-"""Sends large files to the Hub in the parts of Git LFS, and leaves out those that are there after a kill.
+"""Send large files to the Hub in Git LFS parts, skipping those that arrived before a kill.
 
-The Hub's client sends all parts again. It is the way where Xet is not installed, or switched off.
+The Hub's client sends all parts again. This path is used if Xet is not installed or is disabled.
 """
 
 from __future__ import annotations
@@ -10,17 +10,17 @@ from typing import Any
 from joshua_dataset.cloud.sessions import Sessions
 from joshua_dataset.cloud.store import Outgoing, Tally
 
-#: Files from this size on go in parts, if the Hub wants so.
+#: Files from this size on are sent in parts if the Hub requests it.
 LEAST = 8 << 20
 
-#: Statuses of an address that has expired.
+#: HTTP statuses of an expired address.
 _GONE = (400, 403, 404, 410)
 
 
 def send_in_parts(
     repository: str, revision: str | None, item: Outgoing, sessions: Sessions, tally: Tally
 ) -> int:
-    """Send a content, and return the bytes that are there then: all, or 0 if the Hub takes no parts.
+    """Send a file, and return the bytes received: all, or 0 if the Hub accepts no parts.
 
     Raises:
         Exception: of the Hub's client.
@@ -40,7 +40,7 @@ def send_in_parts(
 
 
 def _begin(repository: str, revision: str | None, item: Outgoing) -> dict[str, Any]:
-    """Where the parts go; empty if the Hub has the content, or takes it at once."""
+    """Return where to send the parts; empty if the Hub has the content or accepts it in one request."""
     from huggingface_hub.lfs import UploadInfo, post_lfs_batch_info
 
     with item.path.open("rb") as file:

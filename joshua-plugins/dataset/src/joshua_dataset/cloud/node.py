@@ -1,4 +1,4 @@
-"""Uploads in a run: one that is the whole run, and those of what a recorder has kept."""
+"""Uploads in a run: a run that only uploads, and uploads of the episodes that a recorder keeps."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from joshua_dataset.cloud.store import Store, Tally
 from joshua_dataset.reader import Dataset, DatasetError
 from joshua_dataset.settings import StoreSettings
 
-#: Silence of an upload that counts as a hang: the libraries of remotes wait long for a network.
+#: Heartbeat timeout of an upload: the libraries of remotes wait long for a network.
 HANG_S = 600.0
 
 
 class UploadRun:
-    """Carries ``DATA_STORE_UPLOAD`` out, and ends the run.
+    """Behaviour of ``DATA_STORE_UPLOAD``, which ends the run when the upload is done.
 
     Args:
         context: of the node; settings: of the block.
@@ -29,7 +29,7 @@ class UploadRun:
         self._store: Store | None = None
 
     def configure(self) -> None:
-        """Look for data set and library. Raises EpisodeError, DatasetError."""
+        """Check that the data set and the library exist. Raises EpisodeError, DatasetError."""
         Dataset.read(Path(self._settings.folder))
         self._store = _store_of(self._settings.remote)
 
@@ -38,10 +38,10 @@ class UploadRun:
         self._context.spawn_thread(self._upload, name="upload", hang_after_s=HANG_S)
 
     def deactivate(self) -> None:
-        """The thread ends by itself."""
+        """Do nothing: the thread ends by itself."""
 
     def cleanup(self) -> None:
-        """Nothing is open."""
+        """Do nothing: nothing is open."""
 
     def _upload(self) -> None:
         from joshua_dataset.cloud.upload import upload
@@ -52,7 +52,7 @@ class UploadRun:
             done = upload(Path(self._settings.folder), self._store, tally)
         except StoppedError:
             self._context.log.warning(
-                "%d of %d files are there; the same run goes on with the others",
+                "%d of %d files are uploaded; start the same run again to upload the rest",
                 tally.done_files,
                 tally.files,
             )
@@ -63,7 +63,7 @@ class UploadRun:
 
 
 class Uploads:
-    """Sends the episodes of a recording, each when it is kept or all at the end; the recording continues.
+    """Uploads the episodes of a recording, each when it is kept or all at the end, while it continues.
 
     Args:
         context: of the node; settings: of the block.
@@ -77,7 +77,7 @@ class Uploads:
         self._has_kept = False
 
     def configure(self) -> None:
-        """Look for the library of the remote. Raises RemoteError."""
+        """Check that the library of the remote is installed. Raises RemoteError."""
         self._store = _store_of(self._settings.remote)
 
     def activate(self) -> None:
@@ -86,12 +86,12 @@ class Uploads:
             self._context.spawn_thread(self._follow, name="uploads", hang_after_s=HANG_S)
 
     def kept(self) -> None:
-        """An episode is complete on the disk; any thread."""
+        """Note that an episode is complete on the disk (on any thread)."""
         self._has_kept = True
         self._news.set()
 
     def finish(self) -> None:
-        """Send what is not there yet, after the recorder has ended. Raises RemoteError."""
+        """Upload the remaining files after the recorder has ended. Raises RemoteError."""
         if not self._has_kept:
             return
         self._context.log.info(
@@ -116,19 +116,19 @@ class Uploads:
             except StoppedError:
                 return
             except (RemoteError, DatasetError) as error:
-                self._context.log.warning("%s; the recording goes on, and the next upload tries again", error)
+                self._context.log.warning("%s; the recording continues, and the next upload retries", error)
 
     def _send(self, stopping: Callable[[], bool]) -> None:
         from joshua_dataset.cloud.upload import upload
 
         assert self._store is not None
-        with self._lock:  # the thread of the last episode may still be at it
+        with self._lock:  # the thread of the last episode may still be uploading
             done = upload(Path(self._settings.folder), self._store, tally_of(self._context, stopping))
         self._context.log.info("%s", done)
 
 
 def tally_of(context: NodeContext, stopping: Callable[[], bool]) -> Tally:
-    """A tally that reports to the run."""
+    """Return a tally that reports to the run."""
     shown = 1e6
 
     def show(tally: Tally) -> None:

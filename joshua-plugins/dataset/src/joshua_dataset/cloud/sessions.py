@@ -1,4 +1,4 @@
-"""Uploads of large files that have begun and not ended, so that one continues after a kill."""
+"""Unfinished uploads of large files, kept so that they resume after a kill."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ NAME = "uploads.json"
 
 
 class Sessions:
-    """What remotes answered when an upload began, kept in the private folder of a data set.
+    """Replies of remotes to the start of an upload, kept in the private folder of a data set.
 
-    Such an answer has addresses that take the content of one file without credentials, for some days.
-    So nobody but the owner can read it, and it goes when the file has arrived.
+    Such a reply contains addresses that accept the content of one file without credentials, for some days.
+    So only the owner can read it, and it is deleted when the file has arrived.
 
     Args:
         folder: of the data set; None keeps nothing.
@@ -39,19 +39,19 @@ class Sessions:
                 self._records = {key: dict(value) for key, value in records.items()}
 
     def get(self, item: Outgoing) -> dict[str, Any]:
-        """What was kept of the upload of this content; empty if nothing was."""
+        """Return the record of this upload; empty if there is none."""
         with self._lock:
             found = self._records.get(self._key(item), {})
         return found if found.get("sha256") == item.digest.sha256 else {}
 
     def put(self, item: Outgoing, record: dict[str, Any]) -> None:
-        """Keep something of an upload."""
+        """Store the record of an upload."""
         with self._lock:
             self._records[self._key(item)] = {**record, "sha256": item.digest.sha256}
             self._write()
 
     def forget(self, item: Outgoing) -> None:
-        """The upload has ended, or cannot continue."""
+        """Delete the record of an upload that has ended or cannot continue."""
         with self._lock:
             if self._records.pop(self._key(item), None) is not None:
                 self._write()
@@ -60,7 +60,7 @@ class Sessions:
         return f"{self._remote}/{item.name}"
 
     def _write(self) -> None:
-        """Write it; in a folder that cannot be written, an upload that is killed starts again."""
+        """Write the records; if the folder is not writable, a killed upload starts again."""
         if self._path is None:
             return
         with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""What a remote can do: list its files, take one and prove it, give one back."""
+"""Interface of a remote: list its files, receive and verify one, return one."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ Result = TypeVar("Result")
 #: Bytes that are read or sent at once.
 CHUNK = 4 << 20
 
-#: Times that a file is sent or fetched whose checksum is wrong.
+#: Number of attempts at a file whose checksum is wrong.
 ATTEMPTS = 3
 
-#: Longest wait between two attempts, and time without a byte after which a transfer is given up.
+#: Longest wait between two attempts, and time without a byte after which a transfer fails.
 LONGEST_WAIT_S = 15.0
 PATIENCE_S = 60.0
 
@@ -40,7 +40,7 @@ class RemoteFile:
     Attributes:
         name: within the data set, with ``/``; size: bytes.
         checksums: by their kind: ``sha256``, ``md5``, ``blob`` (git's), ``etag`` (of an upload in parts).
-        state: changes when the file does; "" if the remote does not tell.
+        state: changes when the file does; "" if the remote does not report it.
     """
 
     name: str
@@ -51,10 +51,10 @@ class RemoteFile:
 
 @dataclass(frozen=True)
 class Outgoing:
-    """A file on its way to a remote.
+    """A file to send to a remote.
 
     Attributes:
-        name: there; path: here; digest: of its content.
+        name: at the remote; path: on this machine; digest: of its content.
     """
 
     name: str
@@ -63,17 +63,17 @@ class Outgoing:
 
 
 class Tally:
-    """How far a transfer is, from all its threads.
+    """Progress of a transfer, shared by all its threads.
 
     Args:
-        show: is told of progress, not more than five times a second.
+        show: called with the progress, at most five times a second.
         stopping: whether the transfer has to end.
-        note: is told of an attempt that failed and is repeated.
-        patience_s: time without a byte after which a fault of the network ends the transfer.
+        note: called with the error of a failed attempt that is repeated.
+        patience_s: time without a byte after which a network fault ends the transfer.
 
     Attributes:
-        files, bytes: of the whole transfer; done_files, done_bytes: that are there.
-        moved_bytes, moved_files: that this transfer itself has moved.
+        files, bytes: of the whole transfer; done_files, done_bytes: complete at the target.
+        moved_bytes, moved_files: moved by this transfer itself.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Tally:
 
     @property
     def elapsed_s(self) -> float:
-        """Time since it began."""
+        """Time since the start."""
         return time.monotonic() - self._began_s
 
     @property
@@ -103,29 +103,29 @@ class Tally:
 
     @property
     def remaining_s(self) -> float | None:
-        """Time to the end; None while no byte has moved."""
+        """Estimated time to completion; None until a byte has moved."""
         return (self.bytes - self.done_bytes) / self.rate if self.moved_bytes else None
 
     def begin(self, files: int, size: int) -> None:
-        """Name the whole transfer."""
+        """Set the size of the whole transfer."""
         self.files, self.bytes = files, size
         self._moved_s = self._began_s = time.monotonic()
         self._report(force=True)
 
     def skip(self, size: int) -> None:
-        """A file is there already."""
+        """Count a file that needs no transfer."""
         with self._lock:
             self.done_files += 1
             self.done_bytes += size
         self._report()
 
     def resume(self, count: int) -> None:
-        """Some bytes are there from an earlier transfer."""
+        """Count bytes from an earlier transfer."""
         with self._lock:
             self.done_bytes += count
 
     def add(self, count: int) -> None:
-        """Some bytes have moved; negative for those of an attempt that failed. Raises StoppedError."""
+        """Count moved bytes; negative takes back those of a failed attempt. Raises StoppedError."""
         with self._lock:
             self.done_bytes += count
             self.moved_bytes += count
@@ -135,7 +135,7 @@ class Tally:
         self._report()
 
     def finish(self) -> None:
-        """A file has moved, and its checksum is right."""
+        """Count a file that has moved and whose checksum is right."""
         with self._lock:
             self.done_files += 1
             self.moved_files += 1
@@ -148,10 +148,10 @@ class Tally:
             raise StoppedError("the transfer was stopped")
 
     def patiently(self, work: Callable[[], Result]) -> Result:
-        """Repeat what fails by a fault of the network, until nothing has moved for too long.
+        """Repeat work that fails because of the network, until nothing has moved for too long.
 
         Raises:
-            RemoteError: of another kind, or the last one.
+            RemoteError: another error, or the last network error.
         """
         began_s, wait_s = time.monotonic(), 0.5
         while True:
@@ -163,7 +163,7 @@ class Tally:
                 if not error.transient or left_s <= 0:
                     raise
                 wait_s = min(wait_s, left_s)
-                self._note(f"{error}; trying again in {wait_s:.1f} s")
+                self._note(f"{error}; retrying in {wait_s:.1f} s")
             until_s = time.monotonic() + wait_s
             while time.monotonic() < until_s:
                 self.check()
@@ -178,11 +178,11 @@ class Tally:
 
 
 class Store(ABC):
-    """A remote place for one data set.
+    """Remote location of one data set.
 
     Attributes:
-        keeps_sums: a file with the checksums of all others stands beside them.
-        sessions: of uploads that have begun.
+        keeps_sums: store a file with the checksums of all others beside them.
+        sessions: records of unfinished uploads.
     """
 
     keeps_sums = True
@@ -193,29 +193,29 @@ class Store(ABC):
 
     @abstractmethod
     def listing(self) -> dict[str, RemoteFile]:
-        """The files that are there, by name; none if there is no data set. Raises RemoteError."""
+        """Return the remote files by name; empty if there is no data set. Raises RemoteError."""
 
     @abstractmethod
     def same(self, there: RemoteFile, path: Path, digest: Digest) -> bool | None:
-        """Whether a file here and one there are the same; None if the checksums do not tell."""
+        """Return whether a local and a remote file are equal; None if the checksums cannot tell."""
 
     @abstractmethod
     def send(self, files: Sequence[Outgoing], tally: Tally, jobs: int) -> Iterator[RemoteFile]:
-        """Send files, prove each by its checksum, and yield what is there then. Raises RemoteError."""
+        """Send files, verify each by its checksum, and yield the remote files. Raises RemoteError."""
 
     @abstractmethod
     def chunks(self, there: RemoteFile, start: int) -> Iterator[bytes]:
-        """Yield the content from an offset on. Raises RemoteError."""
+        """Yield the content of a file from an offset on. Raises RemoteError."""
 
     @abstractmethod
     def remove(self, names: Sequence[str]) -> None:
         """Remove files. Raises RemoteError."""
 
     def prepare(self) -> None:
-        """Make ready to receive. Raises RemoteError."""
+        """Prepare the remote to receive files. Raises RemoteError."""
 
     def published(self, version: str) -> None:
-        """The data set is complete there. Raises RemoteError.
+        """Finish the upload of a complete data set. Raises RemoteError.
 
         Args:
             version: of its layout.
@@ -223,7 +223,7 @@ class Store(ABC):
 
 
 def read_back(store: Store, there: RemoteFile, tally: Tally) -> str:
-    """SHA-256 of a remote file. Raises RemoteError."""
+    """Read a remote file back and return its SHA-256. Raises RemoteError."""
 
     def read() -> str:
         found = hashlib.sha256()
@@ -236,7 +236,7 @@ def read_back(store: Store, there: RemoteFile, tally: Tally) -> str:
 
 
 def in_parallel(work: Callable[[Any], Any], items: Sequence[Any], jobs: int) -> Iterator[Any]:
-    """Apply a function on some threads, and yield what it returns as it comes; the first error ends all."""
+    """Apply a function in several threads, and yield results as they arrive; the first error ends all."""
     waiting = list(reversed(items))
     running: set[Future[Any]] = set()
     with ThreadPoolExecutor(max(1, jobs)) as pool:

@@ -1,4 +1,4 @@
-"""Uploads of data sets: what is there already stays, what is sent is proven by its checksum."""
+"""Uploads of data sets: existing remote files stay, and checksums verify every file sent."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from joshua_dataset.reader import Dataset
 
 
 def upload(folder: Path, store: Store, tally: Tally, *, jobs: int = JOBS, replace: bool = False) -> Summary:
-    """Make a remote equal to a data set of this machine.
+    """Make a remote equal to a local data set.
 
     Args:
-        tally: of this transfer; jobs: files side by side.
-        replace: what differs there is replaced, and what is not here is removed.
+        tally: of this transfer; jobs: files in parallel.
+        replace: replace remote files that differ, and remove those that do not exist locally.
 
     Raises:
         DatasetError: the folder holds no data set; RemoteError.
     """
-    # The metadata of this moment: a recorder may add episodes meanwhile.
+    # A snapshot of the metadata: a recorder may add episodes meanwhile.
     dataset = Dataset.read(folder)
     content = (folder / INFO).read_bytes()
     ledger = Ledger(folder)
@@ -86,14 +86,14 @@ def upload(folder: Path, store: Store, tally: Tally, *, jobs: int = JOBS, replac
 
 
 class _Comparison:
-    """Tells which files a remote has: by its checksums, by what was proven before, else by reading them."""
+    """Finds out which files a remote has: from checksums, from earlier proofs, else by reading them back."""
 
     def __init__(self, store: Store, ledger: Ledger, there: Mapping[str, RemoteFile], tally: Tally) -> None:
         self._store, self._ledger, self._there, self._tally = store, ledger, there, tally
         self._known: dict[str, bool] = {}
 
     def same(self, item: Outgoing) -> bool:
-        """Whether the remote has this file."""
+        """Return whether the remote has this file."""
         if item.name not in self._known:
             found = self._there.get(item.name)
             self._known[item.name] = found is not None and self._compare(found, item)
@@ -128,7 +128,7 @@ def _check_remote(
     fitting: _Comparison,
     tally: Tally,
 ) -> None:
-    """Refuse to write over a data set that is another one, or has more."""
+    """Refuse to overwrite a different data set, or one with more episodes."""
     remedy = "Name another remote_url, or replace the remote copy with `joshua dataset upload --replace`"
     if INFO_NAME not in there:
         return
@@ -137,7 +137,7 @@ def _check_remote(
         raise RemoteError(f"{store.address} holds a data set that differs: {'; '.join(different)}. {remedy}")
     if remote.episodes > dataset.episodes:
         raise RemoteError(
-            f"{store.address} has {remote.episodes} episodes, and {dataset.folder} has {dataset.episodes}: "
+            f"{store.address} has {remote.episodes} episodes, but {dataset.folder} has {dataset.episodes}: "
             f"an upload would lose some. Download it into another folder first. {remedy}"
         )
     if not is_ours(dataset.info):
@@ -145,9 +145,9 @@ def _check_remote(
     for name, item in files.items():
         number = episode_of(name)
         if number is not None and number < remote.episodes and name in there and not fitting.same(item):
-            raise RemoteError(f"{store.address} has another episode {number}: {name} differs. {remedy}")
+            raise RemoteError(f"{store.address} has a different episode {number}: {name} differs. {remedy}")
 
 
 def _may_go(name: str) -> bool:
-    """Whether a file that is not in the folder is removed from a remote: not what the remote itself keeps."""
+    """Return whether a file missing locally may be removed from a remote, whose own files stay."""
     return is_safe(name) and name != "README.md"

@@ -19,23 +19,23 @@ FORMATS = ("lerobot", "parquet", "csv", "jsonl")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the actions of ``joshua dataset``."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    one(actions, "info", "what a data set holds")
-    check = one(actions, "check", "find gaps, frozen pictures, jumps and what disagrees")
-    check.add_argument("--no-pictures", action="store_true", help="check the numbers alone, which is faster")
+    one(actions, "info", "show what a data set contains")
+    check = one(actions, "check", "find gaps, frozen pictures, jumps and inconsistencies")
+    check.add_argument("--no-pictures", action="store_true", help="check only the numbers, which is faster")
     workers(check)
     view = one(actions, "view", "write one HTML page with curves, videos and timing, and open it")
     view.add_argument(
         "--episodes", type=numbers, default=(), metavar="LIST", help="such as 0-2 (default: first three)"
     )
     view.add_argument(
-        "--output", type=Path, metavar="PAGE", help="of the page; without it, beside the data set"
+        "--output", type=Path, metavar="PAGE", help="file of the page (default: beside the data set)"
     )
     view.add_argument("--no-open", action="store_true", help="only write the page")
     stats = one(actions, "stats", "compute the statistics from the data")
     stats.add_argument("--write", action="store_true", help="replace meta/stats.json")
     workers(stats)
     repair = one(actions, "repair", "complete or discard an episode that a kill left unfinished")
-    repair.add_argument("--cut", action="store_true", help="discard it in place of completing it")
+    repair.add_argument("--cut", action="store_true", help="discard it instead of completing it")
     convert = one(actions, "convert", "write a data set in another format, codec or layout version")
     convert.add_argument("target", type=Path, metavar="TARGET")
     made(convert)
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     export.add_argument(
         "--to", choices=("mcap", "rerun"), default="mcap", help="MCAP with ROS 2 messages (default), or .rrd"
     )
-    remove = one(actions, "delete", "remove episodes; the others are counted anew")
+    remove = one(actions, "delete", "remove episodes and renumber the others")
     episodes(remove)
     workers(remove)
     transfers.add_actions(actions)
@@ -69,7 +69,7 @@ def one(actions: Any, name: str, text: str) -> argparse.ArgumentParser:
 
 def workers(parser: argparse.ArgumentParser) -> None:
     """Add the number of processes."""
-    parser.add_argument("--workers", type=positive, metavar="N", help="processes; without it, one a core")
+    parser.add_argument("--workers", type=positive, metavar="N", help="processes (default: one per core)")
 
 
 def episodes(parser: argparse.ArgumentParser) -> None:
@@ -80,17 +80,19 @@ def episodes(parser: argparse.ArgumentParser) -> None:
 
 
 def made(parser: argparse.ArgumentParser) -> None:
-    """Add what a new data set is like."""
+    """Add the options of a new data set."""
     parser.add_argument(
-        "--format", choices=FORMATS, default="lerobot", help="of the tables (default lerobot, v3)"
+        "--format", choices=FORMATS, default="lerobot", help="format of the tables (default lerobot, v3)"
     )
-    parser.add_argument("--codec", choices=("h264", "hevc", "av1"), default="", help="of the videos")
-    parser.add_argument("--pictures", choices=("video", "png", "jpeg"), default="", help="how they are kept")
+    parser.add_argument("--codec", choices=("h264", "hevc", "av1"), default="", help="codec of the videos")
+    parser.add_argument(
+        "--pictures", choices=("video", "png", "jpeg"), default="", help="how to store pictures"
+    )
     workers(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Carry the action out. Exit code 0; 1 for a data set that is wrong, or cannot be read or written."""
+    """Run the action. Exit code 0; 1 if the data set is faulty, or cannot be read or written."""
     from joshua.features import EpisodeError
     from joshua.tools import ExitCode
 
@@ -215,7 +217,7 @@ def _export(arguments: argparse.Namespace) -> int:
 
 @contextlib.contextmanager
 def _progress() -> Iterator[Callable[[int, int], None]]:
-    """Shows the episodes that are done, on a terminal."""
+    """Show the number of finished episodes on a terminal."""
     shown = sys.stderr.isatty()
 
     def show(done: int, total: int) -> None:
@@ -254,7 +256,7 @@ def _delete(arguments: argparse.Namespace) -> int:
 
 
 def positive(text: str) -> int:
-    """A whole number from 1 on."""
+    """Parse a whole number of at least 1."""
     number = int(text)
     if number < 1:
         raise argparse.ArgumentTypeError(f"{text} is less than 1")
@@ -262,20 +264,20 @@ def positive(text: str) -> int:
 
 
 def numbers(text: str) -> tuple[int, ...]:
-    """Episodes such as ``0-9,12``."""
+    """Parse episode numbers such as ``0-9,12``."""
     found: list[int] = []
     for part in text.split(","):
         first, dash, last = part.strip().partition("-")
         if not first.isdecimal() or (dash and not last.isdecimal()):
             raise argparse.ArgumentTypeError(
-                f"{part!r} is no episode: write numbers and ranges, such as 0-9,12"
+                f"{part!r} is not an episode: write numbers and ranges, such as 0-9,12"
             )
         found += range(int(first), int(last or first) + 1)
     return tuple(found)
 
 
 def description(folder: Path) -> str:
-    """What a data set holds, as text. Raises DatasetError."""
+    """Describe a data set as text. Raises DatasetError."""
     from joshua_dataset.reader import Dataset
 
     found = Dataset.read(folder)

@@ -12,22 +12,22 @@ from joshua.tools import positive_seconds
 if TYPE_CHECKING:
     from joshua.tools import RunningSystem
 
-SUMMARY = "control the episodes of a running recorder; without an action, by keys and with a live screen"
+SUMMARY = "control the episodes of a running recorder; without an action, with keys and a live screen"
 
 NODE = "/data_store"
 
 ACTIONS = {
-    "start": "start an episode; one that was stopped is kept",
-    "stop": "end the episode; keep or discard it then",
+    "start": "start an episode; a stopped one is kept",
+    "stop": "end the episode; then keep or discard it",
     "keep": "keep the episode, ending it where it is being recorded",
     "discard": "discard the episode that is being recorded or was stopped",
-    "rerecord": "discard the episode and record it anew",
+    "rerecord": "discard the episode and record it again",
     "task": "record another task from the next episode on",
-    "status": "show what the recorder does",
+    "status": "show what the recorder is doing",
 }
 
 KEYS = {" ": "", "s": "start", "e": "stop", "k": "keep", "d": "discard", "r": "rerecord", "t": "task"}
-HELP = "space start/stop  k keep  d discard  r record anew  t next task  q leave"
+HELP = "space start/stop  k keep  d discard  r record again  t next task  q leave"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "action", nargs="?", choices=tuple(ACTIONS), metavar="ACTION", help=", ".join(ACTIONS)
     )
-    parser.add_argument("text", nargs="?", default="", help="of the task; omitted, the next one of the file")
+    parser.add_argument(
+        "text", nargs="?", default="", help="text of the task (default: the next task of the file)"
+    )
     parser.add_argument("--system", default="", help="file or process id, where several recorders run")
     parser.add_argument(
         "--timeout", type=positive_seconds, default=30.0, metavar="SECONDS", help="how long to wait"
@@ -44,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Ask the recorder. Exit code 0; 1 where it refuses, or nothing records."""
+    """Send a request to the recorder. Exit code 0; 1 if it refuses, or no recorder runs."""
     from joshua.tools import CallError, ExitCode
 
     if arguments.text and arguments.action != "task":
@@ -86,7 +88,7 @@ def _status(system: RunningSystem) -> dict[str, Any]:
 
 
 def screen(status: dict[str, Any], width: int) -> str:
-    """What a recorder does, as lines of at most ``width`` columns."""
+    """Describe the state of a recorder in lines of at most ``width`` columns."""
     wanted = f" of {status['wanted']}" if status["wanted"] else ""
     left = f", {status['remaining_s']:.0f} s left" if status["remaining_s"] else ""
     lines = [

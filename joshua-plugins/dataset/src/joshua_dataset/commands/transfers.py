@@ -21,11 +21,15 @@ ADDRESS_HELP = "such as hf://datasets/NAME/DATA, s3://BUCKET/FOLDER or gs://BUCK
 
 def add_actions(actions: Any) -> None:
     """Add both actions to ``joshua dataset``."""
-    upload = actions.add_parser("upload", help="copy a data set to a remote; what is there is not sent again")
+    upload = actions.add_parser(
+        "upload", help="copy a data set to a remote, skipping files that are already there"
+    )
     upload.add_argument("folder", type=Path, metavar="FOLDER")
     upload.add_argument("url", metavar="URL", help=ADDRESS_HELP)
     upload.add_argument(
-        "--replace", action="store_true", help="replace what differs there, and remove what is not here"
+        "--replace",
+        action="store_true",
+        help="replace remote files that differ, and remove those that do not exist locally",
     )
     download = actions.add_parser("download", help="copy a data set from a remote")
     download.add_argument("url", metavar="URL", help=ADDRESS_HELP)
@@ -37,16 +41,16 @@ def add_actions(actions: Any) -> None:
             type=positive_seconds,
             default=60.0,
             metavar="SECONDS",
-            help="how long to try while the network moves nothing (default 60)",
+            help="how long to retry without network traffic (default 60)",
         )
         parser.epilog = (
             "Credentials come from the environment or the files of the remote's own tools. "
-            "A transfer that was stopped goes on where it ended when you run the command again."
+            "To resume a stopped transfer, run the same command again."
         )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Carry the action out. Exit code 0; 1 where it failed, 2 for a wrong URL, 3 for a missing library."""
+    """Run the action. Exit code 0; 1 if it failed, 2 for a wrong URL, 3 for a missing library."""
     from joshua.tools import ExitCode
 
     from joshua_dataset.cloud.address import AddressError
@@ -70,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
         stop.set()
         screen.end()
         sys.stderr.write(f"{name}: stopped. {tally.done_files} of {tally.files} files are complete. ")
-        sys.stderr.write("Run the same command again to go on from there\n")
+        sys.stderr.write("Run the same command again to resume\n")
         return ExitCode.INTERRUPTED
     except AddressError as error:
         remedy = f". {error.remedy}" if error.remedy else ""
@@ -82,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stderr.write(f"{name}: {error}\n")
         if tally.moved_files:
             sys.stderr.write(f"{tally.done_files} of {tally.files} files are complete. ")
-            sys.stderr.write("Run the same command again to go on from there\n")
+            sys.stderr.write("Run the same command again to resume\n")
         return error.exit_code
     screen.end()
     sys.stdout.write(f"{done}\n")
@@ -116,7 +120,7 @@ class _Screen:
 
 
 def _jobs(text: str) -> int:
-    """A number of files from 1 to 64."""
+    """Parse a number of files from 1 to 64."""
     number = int(text)
     if not 1 <= number <= 64:
         raise argparse.ArgumentTypeError(f"{text} is not between 1 and 64")
