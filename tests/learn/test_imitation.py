@@ -327,7 +327,9 @@ def test_a_full_disk_leaves_the_checkpoints_before(
 
     made.steps += 1
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(RunError, match="cannot be written: No space left on device: make room, and continue"):
+    with pytest.raises(
+        RunError, match="cannot be written: No space left on device: free some space, and continue"
+    ):
         made.save()
     monkeypatch.undo()
     assert [path.name for path in first.parent.iterdir()] == [first.name]

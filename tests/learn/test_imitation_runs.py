@@ -101,4 +101,4 @@ def test_a_stopped_and_a_killed_run_go_on_as_if_nothing_had_happened(tmp_path: P
     assert (facts["policy"], facts["settings"]["batch_size"]) == ("act", 4)
     assert {"joshua-imitation", "lerobot", "torch"} <= set(facts["versions"])
     changed = start(tmp_path, "broken", recording, more=f"{more} seed: 5")
-    assert "the run was started with seed 0, and the file says 5" in ended(changed, 1).replace("\n", " ")
+    assert "the run was started with seed 0, but the file says 5" in ended(changed, 1).replace("\n", " ")

@@ -123,7 +123,7 @@ def test_what_cannot_be_exported_says_why(act: tuple[Path, Path], tmp_path: Path
     folder = write_mlp(tmp_path / "mlp")
     config = json.loads((folder / "config.json").read_text())
     (folder / "config.json").write_text(json.dumps(config | {"activation": "magic"}))
-    with pytest.raises(CheckpointError, match="is no network of layers"):
+    with pytest.raises(CheckpointError, match="is not a network of layers"):
         list(export(folder, tmp_path / "onnx"))
     (folder / "model.safetensors").rename(folder / "policy.pt")
     with pytest.raises(CheckpointError, match="a pickle, which executes what it contains"):
@@ -187,5 +187,5 @@ def test_a_policy_of_ppo_is_exported_and_acts_the_same(
 
 def test_a_run_without_a_policy_cannot_be_exported(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text("{}")
-    with pytest.raises(CheckpointError, match="holds no policy of joshua-ppo-trainer"):
+    with pytest.raises(CheckpointError, match="contains no policy of joshua-ppo-trainer"):
         list(export(tmp_path, tmp_path / "onnx"))

@@ -258,7 +258,7 @@ def test_checkpoints_are_whole_or_refused(tmp_path: Path) -> None:
     with pytest.raises(RunError, match=r"step_000000000040 cannot be used.*an older one is taken"):
         checkpoint.read(paths[-1])
     (paths[-1] / "policy.safetensors").write_bytes(b"\x80\x04pickle")
-    with pytest.raises(RunError, match="holds no policy of joshua-ppo-trainer"):
+    with pytest.raises(RunError, match="contains no policy of joshua-ppo-trainer"):
         Policy.load(paths[-1])
     with pytest.raises(RunError, match="the saved environments do not fit"):
         learner(num_envs=5).restore(*checkpoint.read(paths[-2]))
@@ -376,4 +376,4 @@ def test_a_killed_run_goes_on_as_if_nothing_had_happened(tmp_path: Path) -> None
     changed = start(tmp_path, "killed", steps=2000, more=f'resume_run: "killed/{run.name}" clip_range: 0.3')
     said, _ = changed.communicate(timeout=250)
     assert changed.returncode == 1
-    assert "the run was started with clip_range 0.2, and the file says 0.3" in said
+    assert "the run was started with clip_range 0.2, but the file says 0.3" in said

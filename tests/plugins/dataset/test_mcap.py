@@ -132,7 +132,9 @@ def test_tools_for_frames_say_what_it_is(tmp_path: Path, capsys: pytest.CaptureF
     assert run("info", str(tmp_path / "set")) == 0
     assert "layout: mcap   pictures: messages" in capsys.readouterr().out
     assert run("stats", str(tmp_path / "set")) == 1
-    expected = f"frames. Make frames of them with `joshua dataset convert {tmp_path / 'set'} TARGET`, or open"
+    expected = (
+        f"frames. Convert it to frames with `joshua dataset convert {tmp_path / 'set'} TARGET`, or open"
+    )
     assert expected in capsys.readouterr().err
 
 
@@ -228,8 +230,8 @@ def test_what_is_wrong_with_messages_is_found(tmp_path: Path, capsys: pytest.Cap
     (bag_of(tmp_path / "set", 1) / "messages.mcap").unlink()
     assert run("check", str(tmp_path / "set"), "--workers", "1") == 1
     said = capsys.readouterr().out
-    assert "error: episode 0: messages.mcap has 6 whole messages, and 50 are described" in said
-    assert "error: episode 0: it has no message of /arm/applied_command, which shows action" in said
+    assert "error: episode 0: messages.mcap has 6 intact messages, but 50 are described" in said
+    assert "error: episode 0: it has no message of /arm/applied_command, which carries action" in said
     assert "warning: episode 0: /arm/joint_states has no message for 1.94 s" in said
     assert "messages.mcap is missing" in said
 

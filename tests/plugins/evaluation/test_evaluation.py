@@ -261,7 +261,7 @@ def test_a_full_disk_is_said(tmp_path: Path, random_policy: Path, monkeypatch: p
     monkeypatch.setattr(os, "fsync", full)
     node.activate()
     assert node._ended.wait(60)
-    with pytest.raises(RunError, match=r"cannot be written: No space left on device: make room, and"):
+    with pytest.raises(RunError, match=r"cannot be written: No space left on device: free some space, and"):
         context.stop()
 
 
@@ -285,7 +285,7 @@ def test_weights_that_do_not_fit_the_environment_are_refused(tmp_path: Path) -> 
     node, context = prepared(tmp_path, "other")
     node.activate()
     assert node._ended.wait(60)
-    with pytest.raises(Exception, match=r"sees observation\.to_cube of shape \[3\], and the environment"):
+    with pytest.raises(Exception, match=r"sees observation\.to_cube of shape \[3\], but the environment"):
         context.stop()
 
 
@@ -296,7 +296,7 @@ def test_torn_weights_are_named(tmp_path: Path) -> None:
     node, context = prepared(tmp_path, "torn")
     node.activate()
     assert node._ended.wait(60)
-    with pytest.raises(RunError, match="torn holds no policy of joshua-ppo-trainer"):
+    with pytest.raises(RunError, match="torn contains no policy of joshua-ppo-trainer"):
         context.stop()
 
 

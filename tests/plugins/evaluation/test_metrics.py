@@ -105,7 +105,7 @@ def test_a_metric_that_fails_is_named_with_the_episode(outside: Path) -> None:
 @pytest.mark.parametrize(
     ("body", "said"),
     [
-        ("metric = 3\n", "is no function: it must take an Episode"),
+        ("metric = 3\n", "is not a function: it must take an Episode"),
         ("import nothing_of_this_name\n", "cannot be loaded: ModuleNotFoundError"),
     ],
 )
@@ -117,10 +117,10 @@ def test_a_metric_that_cannot_be_loaded_is_named(outside: Path, body: str, said:
 
 def test_a_rate_is_one_or_zero(outside: Path) -> None:
     bring(outside, "def metric(episode):\n    return 0.5\nmetric.rate = True\n")
-    with pytest.raises(MetricError, match=r"is a rate and gave 0\.5: it must give True or False"):
+    with pytest.raises(MetricError, match=r"is a rate and returned 0\.5: it must return True or False"):
         measured(load_metric("reached_fast"), episode())
 
 
 def test_a_metric_that_is_gone_is_named() -> None:
-    with pytest.raises(MetricError, match="no plugin brings the metric reached_fast: install it"):
+    with pytest.raises(MetricError, match="no plugin adds the metric reached_fast: install it"):
         load_metric("reached_fast")

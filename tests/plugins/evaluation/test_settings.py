@@ -40,17 +40,17 @@ def test_an_unknown_metric_is_answered_with_the_nearest(tmp_path: Path, random_p
     assert error.field_path == "ai.training.eval_config.metrics[1]"
     assert error.message == "There is no metric 'sucess_rate'."
     assert error.allowed[0] == "success_rate"
-    assert error.remedy == 'Write "success_rate", or install the plugin that brings it.'
+    assert error.remedy == 'Write "success_rate", or install the plugin that adds it.'
     assert error.position.line == 11
     (error,) = errors(tmp_path, random_policy, 'metrics: ["avg_return", "avg_return"]')
-    assert "stands there twice" in error.message
+    assert "is listed twice" in error.message
 
 
 def test_a_checkpoint_of_another_environment_is_refused(tmp_path: Path, random_policy: Path) -> None:
     other = 'environment_id: "joshua/SoArm100PickPlace-v0"'
     (error,) = errors(tmp_path, random_policy, environment=other)
     assert error.field_path == "ai.training.eval_config.model_checkpoint"
-    assert "was trained in joshua/SoArm100Reach-v0, and is judged in joshua/SoArm100Pick" in error.message
+    assert "was trained in joshua/SoArm100Reach-v0, not in joshua/SoArm100Pick" in error.message
     assert 'environment_id: "joshua/SoArm100Reach-v0"' in error.remedy
     assert error.position.line == 9
 
@@ -100,8 +100,8 @@ def torn(folder: Path, policy: Path, change: str) -> Path:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ("weights", "is torn: it has no policy.safetensors"),
-        ("json", "policy.json is torn or no JSON"),
+        ("weights", "is incomplete: it has no policy.safetensors"),
+        ("json", "policy.json is truncated or not JSON"),
         ("foreign", "was written by no trainer of JOSHUA"),
         ("nothing", "holds neither a run (run.json), nor a policy of a trainer (policy.json)"),
     ],
@@ -117,7 +117,7 @@ def test_files_that_are_torn_or_foreign_are_refused_at_their_line(
 
 def test_a_file_in_place_of_a_folder_is_answered_with_the_folder(tmp_path: Path, random_policy: Path) -> None:
     (error,) = errors(tmp_path, random_policy / "policy.json")
-    assert "is a file, and a checkpoint is a folder" in error.message
+    assert "is a file, but a checkpoint is a folder" in error.message
     assert error.remedy == f"Write {random_policy}."
 
 

@@ -475,7 +475,7 @@ def test_a_model_that_failed_before_moves_nothing_until_it_is_resumed(model: Any
     play(context, node, 30)
     assert (actions(context), model.seen) == ([], [])
     assert context.warnings == [
-        "/policy failed and was restarted. It is paused and the arm holds: look for the reason above, then "
+        "/policy failed and was restarted. It is paused and the arm holds. Find the reason above, then "
         "run `joshua call /policy resume`"
     ]
     assert context.shown == "failed and was restarted: run `joshua call /policy resume`"
@@ -494,7 +494,7 @@ def test_a_model_that_reads_a_task_waits_for_it(model: Any, caplog: pytest.LogCa
     context.tick("actions", 30)
     assert (actions(context), model.seen) == ([], [])
     assert caplog.messages == ['waiting for a task: run `joshua task "…"`']
-    assert context.shown == 'waits for a task: run `joshua task "…"`'
+    assert context.shown == 'waiting for a task: run `joshua task "…"`'
     with pytest.raises(RefusedError, match="the task is empty"):
         node.task(TaskRequest(" "))
     with pytest.raises(RefusedError, match="the task has 2001 characters; 2000 are allowed"):

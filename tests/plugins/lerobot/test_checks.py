@@ -164,12 +164,12 @@ def test_statistics_of_another_robot_are_found(tmp_path: Path, weights: Path):
 @pytest.mark.parametrize(
     ("block", "said"),
     [
-        ("absent_cameras: 'side'", "observation.images.side is no camera of"),
+        ("absent_cameras: 'side'", "observation.images.side is not a camera of"),
         ("absent_cameras: 'top'", "A policy of type 'act' looks at every camera"),
         ("denoising_steps: 5", "A policy of type 'act' does not denoise"),
         ("picture_size: 256", "A policy of type 'act' takes pictures of one size only"),
         ("actions_per_chunk: 21", "has 20 actions"),
-        ("revision: 'main'", "revision has an effect on a checkpoint of the hub only"),
+        ("revision: 'main'", "revision has an effect only on a checkpoint of the hub"),
     ],
 )
 def test_choices_that_do_not_fit_the_policy_are_refused(tmp_path: Path, weights: Path, block: str, said: str):
@@ -227,9 +227,9 @@ def test_a_folder_of_a_training_names_the_checkpoint_in_it(tmp_path: Path):
     ("content", "said"),
     [
         ('{"architectures": ["X"]}', "it describes a model of transformers"),
-        ("{", "is no JSON"),
-        ("[]", "is no JSON object"),
-        ('{"type": "act", "input_features": {"a": 1}}', "input_features is no description of features"),
+        ("{", "is not JSON"),
+        ("[]", "is not a JSON object"),
+        ('{"type": "act", "input_features": {"a": 1}}', "input_features is not a description of features"),
     ],
 )
 def test_a_config_that_describes_no_policy_is_refused(tmp_path: Path, weights: Path, content: str, said: str):
@@ -244,7 +244,7 @@ def test_a_missing_folder_is_found_and_a_file_is_none(tmp_path: Path):
     assert note.field_path == "ai.models[0].pretrained_model_name_or_path"
     (tmp_path / "policy.bin").write_bytes(b"")
     ((message, _, _),) = findings(write_robot(tmp_path / "robot.pbtxt", "policy.bin"))
-    assert "is a file, and a checkpoint is a folder" in message
+    assert "is a file, but a checkpoint is a folder" in message
 
 
 def test_smolvla_refuses_another_policy_and_runs_without_a_block(tmp_path: Path, weights: Path):
@@ -279,7 +279,7 @@ def test_smolvla_leaves_out_a_camera_that_the_robot_does_not_have(tmp_path: Path
     assert findings(robot) == []
     write_robot(robot, "act", model_type="SMOLVLA", block=block.format("side"))
     ((message, field, _),) = findings(robot)
-    assert "observation.images.side is no camera of" in message
+    assert "observation.images.side is not a camera of" in message
     assert field == "ai.models[0].smolvla_config.absent_cameras"
 
 

@@ -77,7 +77,7 @@ def test_without_torque_nothing_can_be_commanded(mock_arm: Any) -> None:
     with pytest.raises(DeviceError, match=r"MockActuator\.read: the device is not open: call connect first"):
         arm.read()
     arm.connect()
-    with pytest.raises(DeviceError, match="the joints have no torque: call enable first"):
+    with pytest.raises(DeviceError, match="torque is off: call enable first"):
         arm.write(np.zeros(3))
 
 

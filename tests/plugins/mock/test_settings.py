@@ -80,7 +80,7 @@ def test_a_calibration_outside_the_range_is_refused() -> None:
 def test_a_replay_needs_a_file() -> None:
     block = config_pb2.MockMotorConfig(num_motors=1, position_max=10, motion=config_pb2.MOCK_MOTION_FILE)
     assert problems_of(block, ActuatorSpec, "mock_motor_config") == [
-        ("b.motion_file", '""', "motion is MOCK_MOTION_FILE, but motion_file names no file.")
+        ("b.motion_file", '""', "motion is MOCK_MOTION_FILE, but motion_file is empty.")
     ]
 
 

@@ -87,7 +87,7 @@ def test_a_file_that_is_not_whole_is_found_by_its_length(tmp_path: Path, exporte
 def test_a_checkpoint_that_was_not_exported_names_the_command(tmp_path: Path):
     write_checkpoint(tmp_path / "policy")
     ((message, remedy),) = findings(write_robot(tmp_path / "robot.pbtxt", "policy", block=BLOCK))
-    assert message == f"{tmp_path / 'policy'} holds no exported policy."
+    assert message == f"{tmp_path / 'policy'} contains no exported policy."
     assert remedy == f"Export it: joshua policy export {tmp_path / 'policy'} {tmp_path / 'policy_onnx'}."
     (tmp_path / "policy" / "policy.pkl").write_bytes(b"")
     assert "policy.pkl, a pickle" in findings(tmp_path / "robot.pbtxt")[0][0]
@@ -98,7 +98,7 @@ def test_half_precision_is_refused(tmp_path: Path, exported: Path):
         tmp_path / "robot.pbtxt", "policy", block=BLOCK, extra='compute { precision: "bfloat16" }'
     )
     ((message, _),) = findings(robot)
-    assert message == "An exported policy computes in float32, and compute says bfloat16."
+    assert message == "An exported policy computes in float32, but compute says bfloat16."
 
 
 def test_a_device_that_is_not_there_and_a_broken_network_say_what_to_do(tmp_path: Path, exported: Path):

@@ -96,7 +96,7 @@ def test_the_preset_is_planned_without_its_libraries() -> None:
 @pytest.mark.parametrize(
     ("change", "said", "remedy"),
     [
-        ({}, "holds no policy of joshua-ppo-trainer: it has no policy.json", "Name the folder of a run"),
+        ({}, "contains no policy of joshua-ppo-trainer: it has no policy.json", "Name the folder of a run"),
         ({"policy.json": "{"}, "does not describe a policy", "Copy the checkpoint again"),
         ({"policy.json": '{"features": {}}'}, "does not describe a policy", "Copy the checkpoint again"),
         (
@@ -132,7 +132,7 @@ def test_a_folder_that_is_none_is_refused(
 def test_a_place_has_three_numbers(tmp_path: Path) -> None:
     (tmp_path / "robot.pbtxt").write_text(PRESET.read_text().replace("[0.1, -0.2, 0.15]", "[0.1, -0.2]"))
     (finding,) = check(tmp_path / "robot.pbtxt").errors
-    assert finding.message == "goal_m has 2 numbers, and a place has 3."
+    assert finding.message == "goal_m has 2 numbers, but a position has 3."
     assert finding.field_path.endswith("goal_m")
 
 
@@ -140,7 +140,7 @@ def test_torn_weights_and_another_environment_say_what_to_do(copy: Path) -> None
     weights = copy / "policy.safetensors"
     weights.write_bytes(weights.read_bytes()[:100])
     with pytest.raises(
-        ModelError, match=r"holds no policy of joshua-ppo-trainer: .* Copy the checkpoint again"
+        ModelError, match=r"contains no policy of joshua-ppo-trainer: .* Copy the checkpoint again"
     ):
         made(copy).load()
     shutil.copy(SHIPPED / "policy.safetensors", weights)

@@ -138,7 +138,7 @@ def test_several_parameters_are_not_set_at_once(node: tuple[Graph, Any]) -> None
     result = graph.call("set_parameters_atomically", {"parameters": items}).result
     assert (result.successful, result.reason) == (
         False,
-        "parameters are set one at a time, use set_parameters",
+        "parameters are set one at a time: use set_parameters",
     )
     assert graph.call("get_parameters", {"names": ["task"]}).values[0].string_value == "pick"
 

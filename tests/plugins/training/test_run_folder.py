@@ -10,7 +10,7 @@ from joshua_training.run_folder import RunError, RunFolder, described, refuse_ot
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match=r"is no run, because it has no run\.json: name the folder"):
+    with pytest.raises(RunError, match=r"is not a run, because it has no run\.json: name the folder"):
         RunFolder.open(tmp_path)
     (tmp_path / "run.json").write_text("{")
     with pytest.raises(RunError, match=r"cannot be read: .*: choose another run"):
@@ -25,7 +25,7 @@ def test_a_full_disk_leaves_the_checkpoints_before(tmp_path: Path, monkeypatch: 
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(RunError, match="cannot be written: No space left on device: make room"):
+    with pytest.raises(RunError, match="cannot be written: No space left on device: free some space"):
         folder.save(2, {"a": b"2"})
     monkeypatch.undo()
     assert folder.checkpoints() == [first]
@@ -63,7 +63,7 @@ def test_a_checkpoint_of_folders_is_put_in_its_place_at_once(tmp_path: Path) -> 
 def test_a_run_goes_on_with_its_own_settings_only() -> None:
     before = {"seed": 1, "settings": {"batch_size": 8, "sizes": [1, 2], "steps": 10}}
     refuse_other(before, {"seed": 1, "settings": {"batch_size": 8, "sizes": (1, 2), "steps": 20}}, ("steps",))
-    with pytest.raises(RunError, match="was started with batch_size 8, and the file says 4: continue with"):
+    with pytest.raises(RunError, match="was started with batch_size 8, but the file says 4: continue with"):
         refuse_other(before, {"settings": {"batch_size": 4}}, ())
-    with pytest.raises(RunError, match="was started with seed 1, and the file says 2"):
+    with pytest.raises(RunError, match="was started with seed 1, but the file says 2"):
         refuse_other(before, {"seed": 2}, ())

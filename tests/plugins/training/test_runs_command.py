@@ -117,7 +117,7 @@ def test_a_list_as_json_has_everything(tmp_path: Path, capsys: pytest.CaptureFix
 def test_a_folder_without_runs_says_what_a_run_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = command(capsys, "list", str(tmp_path))
     assert code == 0
-    assert "holds no run. A run is a folder with run.json" in out
+    assert "contains no run. A run is a folder with run.json" in out
     code, _, err = command(capsys, "list", str(tmp_path / "nowhere"))
     assert code == 2
     assert "there is no folder" in err
@@ -153,11 +153,11 @@ def test_a_name_that_is_no_run_is_answered_with_the_nearest(
     assert command(capsys, "show", "reach-20261122")[0] == 0
     code, _, err = command(capsys, "show", "reach-20261123")
     assert code == 2
-    assert "is no run, because it has no run.json; in runs/ there are reach-20261122" in err
+    assert "is not a run, because it has no run.json; in runs/ there are reach-20261122" in err
     (tmp_path / "runs" / "reach-20261122" / "run.json").write_text("[]")
     code, _, err = command(capsys, "show", "reach-20261122")
     assert code == 1
-    assert "holds no object: choose another run" in err
+    assert "contains no JSON object: choose another run" in err
 
 
 def test_compare_shows_what_differs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -70,5 +70,5 @@ def test_a_paired_difference_tells_more_than_two_means() -> None:
     assert (alike.value, alike.better, alike.worse, alike.p_value) == (0.0, 0, 0, 1.0)
     rates = paired([0, 0, 0, 0, 0, 0], [1, 1, 1, 1, 1, 1], rate=True)
     assert (rates.method, rates.p_value) == ("mcnemar", 2 / 64)
-    with pytest.raises(ValueError, match="are no pairs"):
+    with pytest.raises(ValueError, match="are not pairs"):
         paired([1.0], [1.0, 2.0])

@@ -137,7 +137,7 @@ def problems(dataset: Dataset, episode: Episode) -> Iterator[tuple[str, bool]]:
             yield f"a message of {topic} cannot be read: {error}", True
             return
     if count != episode.length:
-        yield f"{path.name} has {count} whole messages, and {episode.length} are described", True
+        yield f"{path.name} has {count} intact messages, but {episode.length} are described", True
     for key, topic in dataset.topics.items():
         if topic not in stamps and not Stream(dataset.features[key]).is_latched:
             yield f"it has no message of {topic}, which carries {key}", True

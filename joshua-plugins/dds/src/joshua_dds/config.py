@@ -1,8 +1,8 @@
 """Cyclone DDS configuration of a domain, made from the transport specification.
 
 The discovery ranges follow ROS 2's rmw_cyclonedds, except that LOCALHOST also binds to the loopback
-interface, so that nothing listens on a network. Cyclone DDS binds its receive sockets to every address even
-then, and has no setting against it; bound to the loopback device, they receive nothing from a network.
+interface, so that nothing listens on a network. Even then, Cyclone DDS binds its receive sockets to every
+address, without a setting against it; bound to the loopback device, they receive nothing from a network.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def sockets_on_loopback(wanted: bool) -> Iterator[None]:
     """Bind the datagram sockets that are opened inside the block to the loopback device.
 
     Args:
-        wanted: whether to do anything.
+        wanted: whether to bind them.
     """
     before = _open_sockets() if wanted else {}
     yield
@@ -42,7 +42,7 @@ def sockets_on_loopback(wanted: bool) -> Iterator[None]:
 
 
 def _open_sockets() -> dict[int, int]:
-    """Descriptors of this process's sockets by inode."""
+    """Return the descriptors of this process's sockets by inode."""
     folder = Path("/proc/self/fd" if sys.platform.startswith("linux") else "/dev/fd")
     found = {}
     for entry in folder.iterdir():
@@ -78,21 +78,21 @@ def _tie(descriptor: int) -> None:
 
 
 _LOOPBACK = '<NetworkInterface address="127.0.0.1"/>'
-# One participant a process; the number that ROS 2 looks for in this mode too.
+# One participant per process; ROS 2 looks for this number in this mode, too.
 _MAX_PARTICIPANT_INDEX = 32
-# A killed process leaves the graph after this time.
+# The graph drops a killed process after this time.
 _LEASE_S = 3
 # A 640 × 480 image in 15 datagrams instead of 700: two thirds of its latency.
 _DATAGRAM_B = 65500
 _FRAGMENT_B = 65000
 # A writer holds this much for slow readers before it waits or drops: 17 images of 640 × 480, 3 of 1080p.
 _UNSENT_HIGH_MB = 16
-# How long closing waits for a reader that does not answer.
+# How long closing waits for a reader that does not reply.
 _LINGER_MS = 100
 
 
 def require_usable(settings: TransportSettings) -> None:
-    """Check interface, peers and settings files, because the middleware itself says less, or aborts.
+    """Check interface, peers and settings files, because the middleware itself reports less, or aborts.
 
     Raises:
         TransportError: names the setting that cannot be used, why, and what to do.
@@ -135,13 +135,13 @@ def _require_host(peer: str) -> None:
 
 
 def stays_local(settings: TransportSettings) -> bool:
-    """Whether the domain is meant for this machine alone, and no settings of the user say otherwise."""
+    """Return whether the domain is limited to this machine, and no user settings override that."""
     narrow = settings.discovery_range in ("OFF", "LOCALHOST")
     return narrow and not settings.network_interface and not os.environ.get("CYCLONEDDS_URI")
 
 
 def domain_config(settings: TransportSettings) -> str:
-    """The XML configuration; settings of ``CYCLONEDDS_URI`` follow it and so override it, as in ROS 2."""
+    """Return the XML configuration; settings of ``CYCLONEDDS_URI`` follow and override it, as in ROS 2."""
     general = [f"<MaxMessageSize>{_DATAGRAM_B}B</MaxMessageSize><FragmentSize>{_FRAGMENT_B}B</FragmentSize>"]
     discovery = [f"<LeaseDuration>{_LEASE_S}s</LeaseDuration>"]
     peers = [f"<Peer address={quoteattr(peer)}/>" for peer in settings.peers]

@@ -1,4 +1,4 @@
-"""The topic on which ROS 2 participants say which node owns which endpoint.
+"""Topic on which ROS 2 participants announce which node owns which endpoint.
 
 Source: ros2/rmw_dds_common, ParticipantEntitiesInfo. Humble's gids have 24 bytes, later ones 16.
 """
@@ -12,7 +12,7 @@ from typing import Any
 
 from cyclonedds import idl
 
-# the wheel's types are indexed like generics, which its annotations do not say
+# the wheel's types are indexed like generics, which its annotations omit
 _types: Any = idl.types
 
 TOPIC = "ros_discovery_info"
@@ -42,7 +42,7 @@ class NodeEntry:
 
 @lru_cache(maxsize=2)
 def info_type(gid_bytes: int) -> Any:
-    """The DDS type with gids of 16 or, for Humble, 24 bytes."""
+    """Return the DDS type with gids of 16 or, for Humble, 24 bytes."""
     prefix = "rmw_dds_common::msg::dds_::"
     gid = idl.make_idl_struct("Gid_", f"{prefix}Gid_", {"data": _types.array[_types.uint8, gid_bytes]})
     node = idl.make_idl_struct(
@@ -62,7 +62,7 @@ def info_type(gid_bytes: int) -> Any:
 
 
 def pack(kind: Any, participant: bytes, nodes: Sequence[NodeEntry]) -> Any:
-    """The message of a participant.
+    """Make the message of a participant.
 
     Args:
         kind: what ``info_type`` returned.
@@ -89,7 +89,7 @@ def pack(kind: Any, participant: bytes, nodes: Sequence[NodeEntry]) -> Any:
 
 
 def unpack(message: Any) -> tuple[bytes, list[NodeEntry]]:
-    """The participant's GUID and its nodes, without those whose names no node of ROS 2 can have."""
+    """Return the participant's GUID and its nodes, without names that are invalid in ROS 2."""
 
     def guid(gid: Any) -> bytes:
         return bytes(gid.data[:_GUID_BYTES])
@@ -102,6 +102,6 @@ def unpack(message: Any) -> tuple[bytes, list[NodeEntry]]:
             tuple(guid(gid) for gid in node.writer_gid_seq),
         )
         for node in message.node_entities_info_seq
-        # names end up on terminals, and come from whoever joins the domain
+        # names are printed on terminals, and come from any participant of the domain
         if f"{node.node_namespace}{node.node_name}".isprintable()
     ]

@@ -1,7 +1,7 @@
 """QoS events of readers and writers: one thread that waits for their status changes.
 
 Listeners would call Python from the receive threads of DDS, which may hold locks that another thread
-needs while it holds the interpreter; a waiting thread cannot end in that knot.
+needs while it holds the interpreter; a waiting thread cannot deadlock that way.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from joshua_dds.qos import POLICY_NAMES
 
 
 class EventSource:
-    """An endpoint whose events are wanted."""
+    """Endpoint whose events are reported."""
 
     def __init__(self, entity: Any, topic: str, qos: QosProfile, is_writer: bool, emit: Emit) -> None:
         self.entity, self._topic, self._qos, self._emit = entity, topic, qos, emit

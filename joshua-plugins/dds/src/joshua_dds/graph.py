@@ -1,7 +1,7 @@
-"""The ROS 2 graph over DDS: what discovery knows of endpoints, joined with what participants say of nodes.
+"""The ROS 2 graph over DDS: endpoints from discovery, joined with nodes announced by participants.
 
-Readers keep what nobody takes. A thread takes what comes, and what remains of those that have left, so that a
-process which never asks for the graph does not grow with all that others announce and close.
+Readers keep samples until they are taken. A thread takes new samples and those of participants that have
+left, so that a process that never reads the graph does not grow with all that others announce and close.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from joshua_dds.qos import XCDR1, read_qos, read_type_hash, user_data
 
 _PREFIX = "rt/"
 _HUMBLE_GID_BYTES, _GID_BYTES = 24, 16
-_PARTICIPANTS, _WRITERS, _READERS = range(3)  # what discovery tells of, in the order of its readers here
+_PARTICIPANTS, _WRITERS, _READERS = range(3)  # what discovery reports, in the order of its readers here
 _ENOUGH = 100_000
 _AT_ONCE = 256
 _ANY = SampleState.Any | ViewState.Any
@@ -90,7 +90,7 @@ class Graph:
         self._thread.start()
 
     def announce(self, key: int, entry: NodeEntry | None) -> None:
-        """Says what a node of this process owns; None says that it is gone."""
+        """Announce the endpoints of a node of this process; None withdraws the node."""
         with self._lock:
             if entry is None:
                 self._own.pop(key, None)
@@ -99,7 +99,7 @@ class Graph:
             self._writer.write(discovery_info.pack(self._type, self._guid, list(self._own.values())))
 
     def nodes(self) -> list[NodeInfo]:
-        """All nodes with their publishers and subscriptions, sorted by name."""
+        """Return all nodes with their publishers and subscriptions, sorted by name."""
         with self._lock:
             alive, writers, readers = map(self._alive, (_PARTICIPANTS, _WRITERS, _READERS))
             self._take_announcements()
@@ -116,12 +116,12 @@ class Graph:
             if guid in alive:
                 found += [_node(entry, endpoints) for entry in entries]
         if endpoints:
-            # what is left belongs to no node: programs that speak DDS without ROS 2
+            # the rest belongs to no node: programs that use DDS without ROS 2
             found.append(_node(NodeEntry(NAMELESS, NAMELESS, (), tuple(endpoints)), endpoints))
         return sorted(found, key=lambda node: (node.namespace, node.name))
 
     def owner(self, publisher_gid: bytes) -> str:
-        """Full name of the node that owns a writer; "" if no announcement names it."""
+        """Return the full name of the node that owns a writer; "" if no announcement names it."""
         with self._lock:
             self._take_announcements()
             announced = [entry for entries in self._others.values() for entry in entries]
@@ -129,7 +129,7 @@ class Graph:
         return next((entry.full_name for entry in announced if publisher_gid in entry.writers), "")
 
     def _alive(self, kind: int) -> dict[bytes, Any]:
-        """What discovery knows of participants, writers or readers, by guid."""
+        """Return the participants, writers or readers from discovery, by guid."""
         reader, condition, _ = self._builtin[kind]
         with raw.READING_QOS:
             return {sample.key.bytes: sample for sample in reader.read(_ENOUGH, condition)}
@@ -151,7 +151,7 @@ class Graph:
                 self._forget_the_gone()
 
     def _forget_the_gone(self) -> None:
-        """Takes what remains of participants and endpoints that have left, and forgets their nodes."""
+        """Take the remaining samples of participants and endpoints that have left, and drop their nodes."""
         left = False
         for reader, _, gone in self._builtin:
             with raw.READING_QOS:
@@ -162,7 +162,7 @@ class Graph:
             self._others = {guid: entries for guid, entries in self._others.items() if guid in alive}
 
     def close(self) -> None:
-        """Withdraws the announcement."""
+        """Withdraw the announcement."""
         self._closed = True
         raw.trigger(self._stop)
         if threading.current_thread() is not self._thread:

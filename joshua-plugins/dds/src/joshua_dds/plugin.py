@@ -8,7 +8,7 @@ from joshua.api.specs import TransportSpec
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the DDS transport."""
+    """Name the DDS transport."""
     return [
         TransportSpec(
             enum_values=("TRANSPORT_DDS",),

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 _BLOCKING_S = 0.1
 _RETRY_S = 0.0005
-#: Dropped messages are logged at the first, then at each power of ten.
+#: The first dropped message is logged, then each power of ten.
 _LOGGED_COUNTS = frozenset(10**power for power in range(12))
 
 _log = logging.getLogger("joshua.transport")
 
 
 class DdsPublisher(Publisher):
-    """Writes CDR payloads as they are."""
+    """Publisher that writes CDR payloads unchanged."""
 
     def __init__(
         self,

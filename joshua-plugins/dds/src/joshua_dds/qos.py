@@ -1,4 +1,4 @@
-"""QoS profiles as DDS policies, and back from what discovery says of other endpoints.
+"""QoS profiles as DDS policies, and back from the discovery data of other endpoints.
 
 Source: ros2/rmw_cyclonedds, create_readwrite_qos, and OMG DDS 1.4.
 """
@@ -17,7 +17,7 @@ _NS_PER_S = 1_000_000_000
 _INFINITE = duration(infinite=True)
 
 POLICY_NAMES = {2: "durability", 4: "deadline", 8: "liveliness", 11: "reliability", 23: "data representation"}
-"""Names of the policies that keep a pair apart, by the policy ids of DDS."""
+"""Names of the policies that make a pair incompatible, by the policy ids of DDS."""
 
 XCDR1 = Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False)
 """The encoding of all ROS 2 payloads."""
@@ -29,7 +29,7 @@ _IN_FRAGMENTS = frozenset(
 
 
 def keeps_until_taken(qos: QosProfile, type_name: str) -> bool:
-    """Whether a writer drops its newest message, not its oldest, when a reader does not keep up.
+    """Return whether a writer drops its newest message, not its oldest, when a reader does not keep up.
 
     A writer that replaces a message of which a reader has some fragments leaves a gap. Readers of Fast DDS
     2.14 can spin on that gap indefinitely, at 100 % of a processor (tests/ros).
@@ -38,7 +38,7 @@ def keeps_until_taken(qos: QosProfile, type_name: str) -> bool:
 
 
 def endpoint_qos(qos: QosProfile, type_name: str, *, is_writer: bool) -> Qos:
-    """The policies of a writer or reader."""
+    """Return the policies of a writer or reader."""
     depth = max(qos.depth, 1)
     kept = qos.history == "KEEP_ALL" or (is_writer and keeps_until_taken(qos, type_name))
     kept_for_late = Policy.History.KeepAll if qos.history == "KEEP_ALL" else Policy.History.KeepLast(depth)
@@ -61,7 +61,7 @@ def endpoint_qos(qos: QosProfile, type_name: str, *, is_writer: bool) -> Qos:
     if qos.durability == "TRANSIENT_LOCAL":
         policies.append(Policy.Durability.TransientLocal)
         if is_writer:
-            # what late joiners get is bounded by this policy, not by the history
+            # this policy, not the history, limits what late joiners receive
             unlimited = -1
             policies.append(Policy.DurabilityService(0, kept_for_late, *[unlimited] * 3))
     else:
@@ -70,13 +70,13 @@ def endpoint_qos(qos: QosProfile, type_name: str, *, is_writer: bool) -> Qos:
 
 
 def user_data(type_name: str) -> list[Any]:
-    """The policy by which an endpoint tells its type hash; none for Humble, whose wire carries no hash."""
+    """Return the policy that carries an endpoint's type hash; none for Humble, whose wire has no hash."""
     found = type_hash(type_name)
     return [] if found == HASH_UNSUPPORTED else [Policy.Userdata(f"typehash={found};".encode())]
 
 
 def read_qos(qos: Qos) -> QosProfile:
-    """The profile of another endpoint; its history is not known to discovery and stays at the default."""
+    """Return the profile of another endpoint; discovery omits its history, which stays at the default."""
     liveliness = qos[Policy.Liveliness]
     return QosProfile(
         reliability="RELIABLE" if _is(qos, Policy.Reliability, "Reliable") else "BEST_EFFORT",
@@ -91,7 +91,7 @@ def read_qos(qos: Qos) -> QosProfile:
 
 
 def read_type_hash(qos: Qos) -> str:
-    """The type hash in the user data of an endpoint; "" if it has none."""
+    """Return the type hash in the user data of an endpoint; "" if it has none."""
     data = qos[Policy.Userdata]
     if data is None:
         return HASH_UNSUPPORTED if distro() == "humble" else ""

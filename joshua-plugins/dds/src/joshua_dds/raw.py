@@ -1,4 +1,4 @@
-"""The private part of the cyclonedds wheel, in one place: serialised payloads in and out, and its one lock.
+"""Access to private parts of the cyclonedds wheel: serialised payloads in and out, and its one lock.
 
 The public writer takes only typed samples, whose serialiser costs 24 ms for a 640 × 480 image. The
 functions here belong to the minor version of cyclonedds that this distribution pins.
@@ -15,9 +15,9 @@ from cyclonedds.core import DDSException, Entity, GuardCondition
 from cyclonedds.internal import DDS
 from joshua.api.transports import TransportError
 
-#: To be held while cyclonedds turns QoS settings into Python values: by whoever reads what discovery knows of
-#: an endpoint, or makes a writer. All threads share its buffers for that, and two at once get wrong values or
-#: an exception.
+#: Hold this lock while cyclonedds converts QoS settings to Python values: when reading the discovery data of
+#: an endpoint, or making a writer. All threads share its buffers, and two at once get wrong values or an
+#: exception.
 READING_QOS = threading.Lock()
 
 _ALIGNMENT = 4
@@ -28,12 +28,12 @@ _assert_liveliness.restype = ctypes.c_int32
 
 
 def write(writer: Entity, cdr: Any) -> bool:
-    """Writes a serialised sample; returns False if the readers must catch up first.
+    """Write a serialised sample; return False if the readers must catch up first.
 
     Raises:
         TransportError: the payload does not fit the type.
     """
-    # the network part sends whole words, so that a payload must not end within one
+    # the network part sends whole words, so a payload must not end within one
     gap = -len(cdr) % _ALIGNMENT
     code = ddspy_write(writer._ref, b"".join((cdr, bytes(gap))) if gap else cdr)
     if code == DDSException.DDS_RETCODE_TIMEOUT:
@@ -46,12 +46,12 @@ def write(writer: Entity, cdr: Any) -> bool:
 
 
 def delete(entity: Entity) -> None:
-    """Deletes an entity now, instead of when the last reference goes. Idempotent."""
+    """Delete an entity now, instead of when the last reference goes. Idempotent."""
     entity.__del__()
 
 
 def assert_liveliness(writer: Entity) -> None:
-    """Says that a writer with manual liveliness is alive.
+    """Assert the liveliness of a writer with manual liveliness.
 
     Raises:
         DDSException: the writer is gone.
@@ -62,5 +62,5 @@ def assert_liveliness(writer: Entity) -> None:
 
 
 def trigger(condition: GuardCondition) -> None:
-    """Wakes the thread that waits on a guard condition."""
+    """Wake the thread that waits on a guard condition."""
     condition.set(True)

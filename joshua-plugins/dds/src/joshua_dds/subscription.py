@@ -1,4 +1,4 @@
-"""A subscription over DDS: a thread that waits for its reader and passes on what it takes."""
+"""A subscription over DDS: a thread that waits for its reader and forwards its samples."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from joshua_dds.taking import Taker
 if TYPE_CHECKING:
     from joshua_dds.transport import DdsNode
 
-#: Publishers whose gids are remembered at a time.
+#: Number of publishers whose gids are cached.
 _KNOWN_PUBLISHERS = 1000
 
 _log = logging.getLogger("joshua.transport")
@@ -89,14 +89,14 @@ class DdsSubscription(Subscription):
             del taken, sample
 
     def _ended(self) -> bool:
-        """Whether close was called, by another thread or by the callback itself."""
+        """Return whether close was called, by another thread or by the callback itself."""
         return self._closed
 
     def _look_up(self, handle: int) -> bytes:
         try:
             with raw.READING_QOS:
                 publisher = self.entity.get_matched_publication_data(handle)
-        except Exception:  # noqa: BLE001 - the message counts, whoever sent it
+        except Exception:  # noqa: BLE001 - the message is delivered even if its sender is unknown
             _log.exception("DDS does not name the publisher of a message on %s", self.topic)
             return b""
         if publisher is None:

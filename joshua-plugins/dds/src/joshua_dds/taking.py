@@ -1,7 +1,7 @@
-"""Serialised samples out of a reader: small ones as bytes, large ones as they lie in the middleware.
+"""Serialised samples out of a reader: small ones as bytes, large ones in place in the middleware's memory.
 
-The wheel's own function copies a sample twice, which is a sixth of the time that a 640 × 480 image is on its
-way. The functions of the C library used here belong to the minor version that this distribution pins.
+The wheel's own function copies a sample twice, which is a sixth of the latency of a 640 × 480
+image. The functions of the C library used here belong to the minor version that this distribution pins.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from cyclonedds.core import DDSException, Entity, InstanceState, SampleState, Vi
 from cyclonedds.internal import DDS
 
 _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
-#: From this size on a copy costs more than the book-keeping of a loan.
+#: From this size on, a copy costs more than the book-keeping of a loan.
 _LOAN_B = 128 * 1024
 
 
@@ -45,7 +45,7 @@ def _function(library: Any, name: str, result: Any, *arguments: Any) -> Any:
     return found
 
 
-# taking waits for locks of the network thread, which may need the interpreter: it must not hold it
+# taking waits for locks of the network thread, which may need the interpreter lock, so taking must release it
 _take = _function(
     DDS._dll_handle,
     "dds_takecdr",
@@ -56,7 +56,7 @@ _take = _function(
     ctypes.POINTER(_SampleInfo),
     ctypes.c_uint32,
 )
-# these only look and count: giving the interpreter away and back would cost more than they do
+# these only read and count: releasing the interpreter lock would cost more than they do
 _quick = ctypes.PyDLL(DDS._dll_handle._name, handle=DDS._dll_handle._handle)
 _size = _function(_quick, "ddsi_serdata_size", ctypes.c_uint32, ctypes.c_void_p)
 _borrow = _function(
@@ -77,9 +77,9 @@ class Taken(NamedTuple):
 
     Attributes:
         cdr: payload with its encapsulation header: bytes, or a read-only memoryview that keeps a large
-            sample alive; None for news about an instance without data.
+            sample alive; None for a state change of an instance without data.
         source_timestamp_ns: the writer's clock.
-        publication_handle: which writer sent it.
+        publication_handle: of the writer that sent it.
     """
 
     cdr: bytes | memoryview | None
@@ -88,7 +88,7 @@ class Taken(NamedTuple):
 
 
 class Taker:
-    """Takes the samples of one reader; for one thread."""
+    """Takes the samples of one reader, on one thread."""
 
     def __init__(self, reader: Entity) -> None:
         self._reader = reader._ref
@@ -97,7 +97,7 @@ class Taker:
         self._arguments = (ctypes.byref(self._sample), 1, ctypes.byref(self._info), _ANY)
 
     def take(self) -> Taken | None:
-        """Takes the oldest sample; None if there is none.
+        """Take the oldest sample; return None if there is none.
 
         Raises:
             DDSException: the reader is gone.
@@ -125,7 +125,7 @@ class Taker:
 
 
 class _Loan:
-    """Memory of the middleware, given back when nothing of this process looks at it any more."""
+    """Memory of the middleware, returned when this process no longer refers to it."""
 
     loan: int | None = None
     piece: _Piece

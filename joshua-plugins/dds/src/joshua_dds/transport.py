@@ -41,7 +41,7 @@ class DdsNode(NodeHandle):
         self._endpoints_changed()
 
     def publisher_node(self, publisher_gid: bytes) -> str:
-        """Full name of the node that owns a publisher."""
+        """Return the full name of the node that owns a publisher."""
         return self.home.graph.owner(publisher_gid)
 
     def _make_publisher(self, topic: str, type_name: str, qos: QosProfile, emit: Emit | None) -> Publisher:
@@ -89,21 +89,21 @@ class DdsTransport(Transport):
         self.events = Events(self.participant)
 
     def nodes(self) -> list[NodeInfo]:
-        """The graph as known at present."""
+        """Return the graph as known at present."""
         return self.graph.nodes()
 
     @property
     def connected(self) -> bool:
-        """Whether DDS runs; no meeting point can be missing."""
+        """Whether DDS runs; DDS has no meeting point that could be missing."""
         return not self._closed
 
     @property
     def meeting_point(self) -> str:
-        """Where this participant looks for others, for messages."""
+        """Where this participant looks for others, as text for messages."""
         return f"DDS domain {self.settings.domain_id}"
 
     def topic(self, name: str, type_name: str) -> Any:
-        """The DDS topic of a ROS 2 topic; made once for each pair of name and type."""
+        """Return the DDS topic of a ROS 2 topic, made once for each pair of name and type."""
         with self._topics_lock:
             key = (name, type_name)
             if key not in self._topics:
@@ -123,7 +123,7 @@ class DdsTransport(Transport):
         is_writer: bool,
         emit: Emit | None,
     ) -> None:
-        """Report the events of an endpoint, if anybody asked for them."""
+        """Report the events of an endpoint if its owner requested them."""
         if emit is not None:
             self.events.add(EventSource(entity, topic, qos, is_writer, emit))
 

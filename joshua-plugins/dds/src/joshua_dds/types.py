@@ -9,7 +9,7 @@ from cyclonedds import idl
 from joshua.messages import dds_type_name, distro
 from joshua.messages.fields import Field, fields
 
-# the wheel's types are indexed like generics, which its annotations do not say
+# the wheel's types are indexed like generics, which its annotations omit
 _types: Any = idl.types
 
 _PRIMITIVES: dict[str, Any] = {
@@ -31,7 +31,7 @@ _PRIMITIVES: dict[str, Any] = {
 
 
 def idl_type(type_name: str) -> Any:
-    """The DDS type of a ROS 2 type; payloads never pass through it, it only serves discovery.
+    """Return the DDS type of a ROS 2 type, which serves only discovery; payloads never pass through it.
 
     Raises:
         MessageError: the type is unknown.

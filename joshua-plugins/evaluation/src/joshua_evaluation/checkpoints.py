@@ -1,4 +1,4 @@
-"""What the files at a path are, told without loading them: a trainer's policy, or a model's weights."""
+"""Recognise the files at a path without loading them: a trainer's policy, or a model's weights."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-#: What the trainers of reinforcement learning write beside their weights, and the weights.
+#: Description and weights written by the trainers of reinforcement learning.
 ABOUT, WEIGHTS = "policy.json", "policy.safetensors"
 
-#: What LeRobot's policies, and those exported from them, have beside their weights.
+#: Description beside the weights of LeRobot's policies and of policies exported from them.
 CONFIG = "config.json"
 
 #: Messages of the plugins that run them.
 LEROBOT, ONNX = "joshua.LeRobotPolicy", "joshua.OnnxPolicy"
 
-#: Names of folders that no owner on the hub has.
+#: Folder names that are not owners on the hub.
 _FOLDERS = ("checkpoints", "models", "outputs", "policies", "runs", "weights")
 
 _HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]*/[\w.-]+")
 
 
 class CheckpointError(Exception):
-    """A checkpoint cannot be judged.
+    """A checkpoint cannot be evaluated.
 
     Args:
         message: what is wrong, one sentence; remedy: an imperative.
@@ -39,12 +39,12 @@ class CheckpointError(Exception):
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """What is to be judged.
+    """Checkpoint to evaluate.
 
     Attributes:
         path: of the folder that holds the weights, or a hub id.
         block: message of the model plugin that runs it; "" for the policy of a trainer.
-        environment: that it was trained in; "" where the files do not say.
+        environment: that it was trained in; "" if the files do not name it.
     """
 
     path: str
@@ -53,17 +53,17 @@ class Checkpoint:
 
 
 def recognise(path: Path, given: str, block: str = "") -> Checkpoint | None:
-    """Tells what a path holds: a checkpoint, the newest one of a run, or a model's weights.
+    """Recognise the content of a path: a checkpoint, the newest one of a run, or a model's weights.
 
     Args:
         path: absolute; given: as the file names it, which may be a hub id.
-        block: message of the model plugin, where the file names one.
+        block: message of the model plugin, if the file names one.
 
     Raises:
-        CheckpointError: nothing that can be judged; torn files.
+        CheckpointError: nothing that can be evaluated; truncated files.
 
     Returns:
-        None where nothing is there.
+        None if the path does not exist.
     """
     if block:
         return Checkpoint(str(path) if path.exists() else given, block)
@@ -72,7 +72,7 @@ def recognise(path: Path, given: str, block: str = "") -> Checkpoint | None:
         is_hub_id = _HUB_ID.fullmatch(given) and first not in _FOLDERS and not path.parent.is_dir()
         return Checkpoint(given, LEROBOT) if is_hub_id else None
     if path.is_file():
-        raise CheckpointError(f"{path} is a file, and a checkpoint is a folder", f"Write {path.parent}")
+        raise CheckpointError(f"{path} is a file, but a checkpoint is a folder", f"Write {path.parent}")
     if (path / ABOUT).is_file():
         return _policy(path)
     if (path / "run.json").is_file():
@@ -100,7 +100,7 @@ def _newest(run: Path) -> Checkpoint:
 
 
 def _below(folder: Path, *others: str) -> Path | None:
-    """Where the weights of a policy of LeRobot are: in the folder itself, or where trainings put them."""
+    """Return the folder of a LeRobot policy's weights: the folder itself, or where trainings put them."""
     places = (folder / name for name in ("", "pretrained_model", *others))
     return next((place for place in places if (place / CONFIG).is_file()), None)
 
@@ -109,10 +109,12 @@ def _policy(folder: Path) -> Checkpoint:
     about = _json(folder / ABOUT)
     if "algorithm" not in about or "features" not in about:
         raise CheckpointError(
-            f"{folder / ABOUT} was written by no trainer of JOSHUA", "Name another checkpoint"
+            f"{folder / ABOUT} was not written by a trainer of JOSHUA", "Name another checkpoint"
         )
     if not (folder / WEIGHTS).is_file():
-        raise CheckpointError(f"{folder} is torn: it has no {WEIGHTS}", "Name an older checkpoint of the run")
+        raise CheckpointError(
+            f"{folder} is incomplete: it has no {WEIGHTS}", "Name an older checkpoint of the run"
+        )
     return Checkpoint(str(folder), environment=str(about.get("environment", "")))
 
 
@@ -121,8 +123,8 @@ def _json(path: Path) -> dict[str, Any]:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise CheckpointError(
-            f"{path} is torn or no JSON: {error}", "Copy the checkpoint again, or name another one"
+            f"{path} is truncated or not JSON: {error}", "Copy the checkpoint again, or name another one"
         ) from error
     if not isinstance(content, dict):
-        raise CheckpointError(f"{path} holds no object", "Name another checkpoint")
+        raise CheckpointError(f"{path} contains no JSON object", "Name another checkpoint")
     return content

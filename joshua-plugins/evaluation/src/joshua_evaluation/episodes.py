@@ -1,4 +1,4 @@
-"""Plays episodes: an environment, a policy, and the same starts for everybody."""
+"""Play episodes: an environment, a policy, and the same starts for every policy."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from joshua.tools import load_target
 from joshua_evaluation.checkpoints import CheckpointError
 from joshua_evaluation.metrics import Episode
 
-#: Size of videos where the policy itself sees no pictures.
+#: Size of videos if the policy itself sees no pictures.
 VIDEO_SIZE = (320, 240)
 
 
 class Arena:
-    """One environment in which episodes are played, whichever plugin offers it.
+    """Environment in which episodes are played, whichever plugin provides it.
 
     Args:
-        make: import string of what makes it; environment_id, reward_function: of the plan.
+        make: import string of its factory; environment_id, reward_function: of the plan.
         options: further arguments, such as ``action_mode``.
 
     Attributes:
         features: of observations and actions; action_space; period_s: of a step.
 
     Raises:
-        CheckpointError: it cannot be made so, or tells too little of itself.
+        CheckpointError: it cannot be made with these options, or lacks a description.
     """
 
     def __init__(self, make: str, environment_id: str, reward_function: str, **options: Any) -> None:
@@ -41,7 +41,7 @@ class Arena:
             raise CheckpointError(
                 f"{environment_id} cannot be made with {asked}: {error}", "Change what the message names"
             ) from error
-        # MuJoCo 3 steps single environments one after the other, which know what the batched one tells itself
+        # MuJoCo 3 steps single environments in turn, which hold the description that a batched one has
         inner = self._vector
         if not hasattr(inner, "features") and getattr(inner, "envs", None):
             inner = inner.envs[0].unwrapped
@@ -52,21 +52,21 @@ class Arena:
         self._pictures: tuple[str, ...] = ()
 
     def reset(self, seed: int) -> Any:
-        """Starts the episode of a seed."""
+        """Start the episode of a seed."""
         observation, _ = self._vector.reset(seed=[seed])
         return observation
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Does one action, shape (A,)."""
+        """Execute one action, shape (A,)."""
         observation, rewards, terminated, truncated, info = self._vector.step(np.asarray(action)[None])
         return observation, float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
 
     def numbers(self, observation: Any) -> Any:
-        """The numbers of an observation as a policy of a trainer sees them, shape (1, K)."""
+        """Return the numbers of an observation as input of a trainer's policy, shape (1, K)."""
         return observation["state"] if isinstance(observation, dict) else observation
 
     def values(self, observation: Any) -> dict[str, Any]:
-        """An observation by feature, in physical units, and its pictures by their key."""
+        """Return an observation by feature, in physical units, and its pictures by their key."""
         found: dict[str, Any] = {}
         physical = getattr(self._inner, "physical", None)
         if physical is not None:
@@ -81,7 +81,7 @@ class Arena:
         return found
 
     def close(self) -> None:
-        """Closes the environment; a second call does nothing."""
+        """Close the environment. Idempotent."""
         vector, self._vector = self._vector, None
         if vector is not None:
             vector.close()
@@ -95,31 +95,31 @@ class Arena:
 
     @property
     def camera(self) -> str:
-        """The camera that suits the task; "" where none is known."""
+        """Return the camera that suits the task; "" if none is known."""
         return str(getattr(getattr(self._inner, "task", None), "camera", ""))
 
 
 class Player(Protocol):
     """Something that acts: a policy of a trainer, or a model."""
 
-    #: Arguments that its environment is made with.
+    #: Arguments for making its environment.
     options: dict[str, Any]
 
     def load(self, arena: Arena) -> None:
-        """Gets ready to act in an arena. Raises CheckpointError, ModelError, RunError."""
+        """Prepare to act in an arena. Raises CheckpointError, ModelError, RunError."""
 
     def begin(self) -> None:
-        """Forgets the episode before."""
+        """Forget the previous episode."""
 
     def act(self, arena: Arena, observation: Any, step: int) -> tuple[Any, float | None]:
-        """The action of a step, and the time of the policy in seconds, None where it decided nothing anew."""
+        """Return the action of a step, and the policy's time in seconds, None if it did not compute."""
 
     def close(self) -> None:
-        """Frees what it has loaded."""
+        """Free what it has loaded."""
 
 
 class Stopped(Exception):
-    """The evaluation was asked to stop, in the middle of an episode."""
+    """The evaluation was stopped in the middle of an episode."""
 
 
 def play(
@@ -129,13 +129,13 @@ def play(
     asked: Callable[[], bool] = lambda: False,
     seen: Callable[[Any], None] = lambda observation: None,
 ) -> Episode:
-    """Plays one episode to its end.
+    """Play one episode to its end.
 
     Args:
         asked: whether to stop; seen: called with each observation, the first and the last one included.
 
     Raises:
-        Stopped: it was asked to.
+        Stopped: the run stops.
     """
     player.begin()
     observation = arena.reset(seed)
@@ -179,11 +179,11 @@ def _numbers(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def ranked(episodes: Sequence[Episode]) -> list[int]:
-    """Indices from the best to the worst: success first, then the return."""
+    """Return the indices from the best to the worst: success first, then the return."""
     order = range(len(episodes))
     return sorted(order, key=lambda i: (-episodes[i].success, -float(episodes[i].rewards.sum()), i))
 
 
 def now_s() -> float:
-    """The clock of latencies."""
+    """Return the time of the clock for latencies."""
     return time.perf_counter()

@@ -1,7 +1,7 @@
-"""What an evaluation measures: one figure of each episode, and how the figures of all become one.
+"""Metrics of an evaluation: one figure for each episode, and how they are combined.
 
-A plugin brings further metrics by entry points of the group ``joshua.metrics``. Each names a function that
-takes an ``Episode`` and returns a number, or a bool where the metric is a rate.
+A plugin adds metrics by entry points of the group ``joshua.metrics``. Each names a function that
+takes an ``Episode`` and returns a number, or a bool if the metric is a rate.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     FloatArray = npt.NDArray[np.float64]
 
-#: Entry points of plugins that bring metrics.
+#: Entry points of plugins that add metrics.
 GROUP = "joshua.metrics"
 
 #: SPARC: zeros behind the profile, as a power of two; highest frequency; share of the peak that counts.
@@ -29,11 +29,11 @@ class Episode:
     """One episode, as metrics see it. Arrays have a row for each step.
 
     Attributes:
-        seed: of its start; success: whether the task was done; truncated: it was cut off for its length.
+        seed: of its start; success: whether the task was done; truncated: whether time ran out.
         rewards: shape (T,); actions: as the environment took them, shape (T, A).
         observations: physical values by feature, such as ``observation.state`` in rad, shape (T + 1, K).
         latencies_s: time of the policy for each decision, a chunk of actions counting once.
-        period_s: of a step; reward_terms: the sum of each over the episode, where the environment tells it.
+        period_s: of a step; reward_terms: the sum of each over the episode, if the environment reports it.
     """
 
     seed: int
@@ -48,17 +48,17 @@ class Episode:
 
     @property
     def steps(self) -> int:
-        """How many steps it took."""
+        """Number of steps."""
         return len(self.rewards)
 
 
 @dataclass(frozen=True)
 class Metric:
-    """A figure of an episode.
+    """Figure of an episode.
 
     Attributes:
-        label: for people; unit: of its values, "" for none; rate: the values are 0 or 1.
-        higher: larger is better; None where neither is.
+        label: as shown; unit: of its values, "" for none; rate: the values are 0 or 1.
+        higher: whether larger is better; None if neither is.
         needs: feature without which it cannot be measured; "" for none.
     """
 
@@ -98,7 +98,7 @@ def _smoothness(episode: Episode) -> float:
 
 
 def spectral_arc_length(speed: Any, rate_hz: float) -> float:
-    """Smoothness of a motion: the arc length of the spectrum of its speed, negative, 0 for a still arm.
+    """Return the smoothness of a motion: the spectral arc length of its speed, negative, 0 for a still arm.
 
     SPARC of Balasubramanian, Melendez-Calderon, Roby-Brami and Burdet (2015): values nearer to 0 are
     smoother, whatever the size and the duration of the motion.
@@ -138,12 +138,12 @@ BUILT_IN: Mapping[str, Metric] = {
 
 
 def offered() -> dict[str, EntryPoint]:
-    """The metrics that plugins bring, by name; none of them is imported."""
+    """Return the metrics that plugins add, by name, without importing them."""
     return {point.name: point for point in entry_points(group=GROUP)}
 
 
 def load_metric(name: str) -> Metric:
-    """A metric by name.
+    """Load a metric by name.
 
     Raises:
         MetricError: a plugin's metric cannot be loaded.
@@ -152,14 +152,14 @@ def load_metric(name: str) -> Metric:
         return BUILT_IN[name]
     point = offered().get(name)
     if point is None:
-        raise MetricError(f"no plugin brings the metric {name}: install it, or remove the metric")
+        raise MetricError(f"no plugin adds the metric {name}: install it, or remove the metric")
     try:
         measure = point.load()
     except Exception as error:  # a plugin's code
         reason = f"{type(error).__name__}: {error}"
         raise MetricError(f"the metric {name} ({point.value}) cannot be loaded: {reason}") from error
     if not callable(measure):
-        raise MetricError(f"the metric {name} ({point.value}) is no function: it must take an Episode")
+        raise MetricError(f"the metric {name} ({point.value}) is not a function: it must take an Episode")
     return Metric(
         name,
         name.replace("_", " "),
@@ -171,10 +171,10 @@ def load_metric(name: str) -> Metric:
 
 
 def measured(metric: Metric, episode: Episode) -> float:
-    """The figure of an episode.
+    """Measure a metric of an episode.
 
     Raises:
-        MetricError: the metric of a plugin fails, or gives no number.
+        MetricError: the metric of a plugin fails, or does not return a number.
     """
     try:
         value = metric.measure(episode)
@@ -186,7 +186,7 @@ def measured(metric: Metric, episode: Episode) -> float:
         ) from error
     if metric.rate and number not in (0.0, 1.0):
         raise MetricError(
-            f"the metric {metric.name} is a rate and gave {number:g}: it must give True or False"
+            f"the metric {metric.name} is a rate and returned {number:g}: it must return True or False"
         )
     return number
 

@@ -1,4 +1,4 @@
-"""The node of an evaluation: plays episodes beside its loop, writes figures and report, ends the run."""
+"""Node of an evaluation: plays episodes on its own thread, writes figures and report, ends the run."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from joshua_evaluation.settings import DEFAULT_SEED, Candidate, EvaluationSettin
 #: How long a stop waits for the files.
 SAVE_S = 8.0
 
-#: A model that is loaded, or computes a chunk, gives no sign of life for this long at most.
+#: Longest time without a heartbeat, while a model is loaded or computes a chunk.
 HANG_S = 1800.0
 
 REPORT, TABLE, RESULTS = "report.html", "episodes.csv", "results.json"
 
 
 class Evaluation(Trainer):
-    """Judges checkpoints in simulated episodes, and ends the run when all are played."""
+    """Evaluates checkpoints in simulated episodes, and ends the run when all are played."""
 
     def __init__(self, context: NodeContext) -> None:
         super().__init__(context)
@@ -39,12 +39,12 @@ class Evaluation(Trainer):
         self._about: dict[str, Any] = {}
 
     def configure(self) -> None:
-        """Loads the metrics and makes the run's folder."""
+        """Load the metrics and create the run's folder."""
         settings, chosen = self._settings, self.facts.environment
         if chosen is None:
             raise RunError("the plan has no environment: set ai.training.environment_id")
         if not settings.candidates:
-            raise RunError("there is no checkpoint to judge: correct model_checkpoint")
+            raise RunError("there is no checkpoint to evaluate: correct model_checkpoint")
         names = settings.metrics or tuple(BUILT_IN)
         self._metrics = tuple(map(load_metric, names))
         seed = settings.seed if settings.seed is not None else chosen.seed
@@ -71,14 +71,14 @@ class Evaluation(Trainer):
         self._about |= {"versions": facts["versions"], "started": self._folder.facts()["started"]}
 
     def activate(self) -> None:
-        """Starts to play."""
+        """Start playing."""
         assert self._folder is not None
         self.context.log.info("this evaluation is in %s", self._folder.path)
         self._ended.clear()
         self.context.spawn_thread(self._evaluate, name="evaluation", hang_after_s=HANG_S)
 
     def deactivate(self) -> None:
-        """Waits for the files."""
+        """Wait for the files."""
         if not self._ended.wait(SAVE_S):
             self.context.log.warning("the evaluation did not stop within %g s: files are missing", SAVE_S)
 
@@ -99,7 +99,7 @@ class Evaluation(Trainer):
             self._ended.set()
 
     def _judged(self) -> list[Judged]:
-        """Plays all episodes with each checkpoint; fewer where the run is stopped."""
+        """Play all episodes with each checkpoint; fewer if the run is stopped."""
         settings, done = self._settings, 0
         total = settings.num_episodes * len(settings.candidates)
         found: list[Judged] = []
@@ -110,7 +110,7 @@ class Evaluation(Trainer):
                 player.load(arena)
                 judged = Judged(candidate.given, self._measurable(arena))
                 found.append(judged)
-                self.context.log.info("judging %s", candidate.path)
+                self.context.log.info("evaluating %s", candidate.path)
                 for index in range(settings.num_episodes):
                     judged.add(play(arena, player, self._seed + index, lambda: self.context.stopping))
                     done += 1
@@ -124,12 +124,12 @@ class Evaluation(Trainer):
         return found
 
     def _measurable(self, arena: Arena) -> tuple[Metric, ...]:
-        """The metrics, without those of the default that the environment has no numbers for."""
+        """Return the metrics, without default ones that the environment cannot provide numbers for."""
         lacking = [m for m in self._metrics if m.needs and m.needs not in arena.features]
         if lacking and self._settings.metrics:
             name, needs = lacking[0].name, lacking[0].needs
             raise CheckpointError(
-                f"The metric {name} requires {needs}, which {self._about['environment']} does not show",
+                f"The metric {name} requires {needs}, which {self._about['environment']} does not provide",
                 f"Remove {name} from metrics",
             )
         return tuple(metric for metric in self._metrics if metric not in lacking)
@@ -155,7 +155,7 @@ class Evaluation(Trainer):
         return Arena(chosen.make, chosen.environment_id, chosen.reward_function, **options, **varied)
 
     def _clips(self, judged: Sequence[Judged]) -> tuple[list[report.Clip], str]:
-        """Videos of the best and worst episodes, played again; and why there are none, else ""."""
+        """Return videos of the best and worst episodes, played again; and why there are none, else ""."""
         if not self._settings.videos:
             return [], ""
         clips: list[report.Clip] = []

@@ -1,4 +1,4 @@
-"""What acts in an evaluation: the policy of a trainer, or any model by the contract of models."""
+"""Players of an evaluation: the policy of a trainer, or any model that follows the model contract."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 
 class PolicyPlayer:
-    """The mean action of a policy that a trainer wrote."""
+    """Mean action of a policy that a trainer wrote."""
 
     def __init__(self, checkpoint: Path) -> None:
         self._checkpoint = checkpoint
@@ -41,13 +41,13 @@ class PolicyPlayer:
             if key not in shown or list(shown[key].shape) != list(feature["shape"]):
                 has = list(shown[key].shape) if key in shown else "nothing"
                 raise CheckpointError(
-                    f"{self._checkpoint} sees {key} of shape {feature['shape']}, and the environment "
+                    f"{self._checkpoint} sees {key} of shape {feature['shape']}, but the environment "
                     f"shows {has}",
                     "Name a checkpoint that was trained in this environment",
                 )
         if len(policy.about["action_low"]) != arena.action_space.shape[0]:
             raise CheckpointError(
-                f"{self._checkpoint} gives {len(policy.about['action_low'])} numbers, and the environment "
+                f"{self._checkpoint} gives {len(policy.about['action_low'])} numbers, but the environment "
                 f"takes {arena.action_space.shape[0]}",
                 "Name a checkpoint that was trained in this environment",
             )
@@ -69,10 +69,10 @@ class PolicyPlayer:
 
 
 class ModelPlayer:
-    """A model, by the same features and strategies as in an inference, in steps in place of time.
+    """A model, by the same features and strategies as in an inference, in steps instead of time.
 
     Args:
-        offer: the plugin; task: that the model is told.
+        offer: the plugin; task: of the model.
         strategy: name of one of ``joshua_inference``; steps_per_chunk: of it, None for its default.
         delay: steps that pass while a chunk is computed.
     """
@@ -104,7 +104,7 @@ class ModelPlayer:
         action = arena.features.get(ACTION)
         if action is None or action.unit != "rad" or not action.names:
             raise CheckpointError(
-                f"{self._offer.block} commands joints in radians, and the environment takes no such actions",
+                f"{self._offer.block} commands joints in radians, but the environment takes other actions",
                 "Choose an environment of an arm, such as joshua/SoArm100Reach-v0",
             )
         self._low, self._high = (np.asarray(end, np.float64) for end in _ends(arena))
@@ -176,7 +176,7 @@ class ModelPlayer:
             model.close()
 
     def _predict(self, arena: Arena, values: dict[str, Any], step: int) -> tuple[int, Any]:
-        """A chunk for an observation: the step that it begins at, and its actions."""
+        """Return a chunk for an observation: its first step, and its actions."""
         assert self._model is not None
         seen = {
             key: checked(feature, values[key]) for key, feature in self._features.items() if key in values
@@ -203,7 +203,7 @@ def _observed(arena: Arena) -> tuple[Feature, ...]:
 
 
 def _cameras(needs: ModelNeeds) -> dict[str, Any]:
-    """Options of an environment that shows what a model needs. Raises CheckpointError."""
+    """Return the options of an environment that provides what a model needs. Raises CheckpointError."""
     wanted = [feature for feature in needs.features or () if feature.is_picture]
     if not wanted:
         return {}
@@ -211,7 +211,7 @@ def _cameras(needs: ModelNeeds) -> dict[str, Any]:
     if len(sizes) > 1:
         raise CheckpointError(
             "The model sees pictures of several sizes "
-            f"({', '.join(f'{width} × {height}' for height, width in sorted(sizes))}), and an environment "
+            f"({', '.join(f'{width} × {height}' for height, width in sorted(sizes))}), but an environment "
             "draws all in one",
             "Evaluate weights whose cameras are alike",
         )

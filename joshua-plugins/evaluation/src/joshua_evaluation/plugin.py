@@ -14,6 +14,6 @@ def joshua_specs() -> list[PluginSpec]:
             enum_values=("METHOD_EVAL",),
             implementation="joshua_evaluation.node:Evaluation",
             settings="joshua_evaluation.settings:EvaluationSettings",
-            summary="judges trained policies and models in simulated episodes",
+            summary="evaluates trained policies and models in simulated episodes",
         )
     ]

@@ -1,4 +1,4 @@
-"""The model plugin that runs a checkpoint, and the settings that it makes of its block."""
+"""Model plugin that runs a checkpoint, and the settings that it makes from its block."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class ModelOffer(BaseModel):
 
     Attributes:
         block: its message; implementation, settings_type: import strings; settings: as JSON.
-        reads_task: it does nothing without a task.
+        reads_task: whether it requires a task.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -30,14 +30,14 @@ class ModelOffer(BaseModel):
     reads_task: bool = False
 
     def made_settings(self) -> Any:
-        """The settings object, as the model takes it."""
+        """Return the settings object for the model."""
         if not self.settings_type:
             return self.settings
         return load_target(self.settings_type).model_validate(self.settings)
 
 
 def model_offer(block: str, content: bytes, path: str, task: str, compute: Compute) -> ModelOffer:
-    """Finds the plugin of a block and lets it check the checkpoint, as the planner does for an inference.
+    """Find the plugin of a block and let it check the checkpoint, as the planner does for an inference.
 
     Args:
         block: full name of its message; content: of the block in the file, serialised; path: of the weights.
@@ -77,7 +77,7 @@ def model_offer(block: str, content: bytes, path: str, task: str, compute: Compu
 
 
 def _first(error: ValidationError) -> FieldError:
-    """The first thing that the settings of a model refuse."""
+    """Return the first error in the settings of a model."""
     detail = error.errors(include_url=False)[0]
     found = detail.get("ctx", {}).get("error")
     if isinstance(found, FieldErrors):

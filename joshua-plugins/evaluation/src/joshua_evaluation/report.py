@@ -1,4 +1,4 @@
-"""One HTML page that needs nothing else: figures with intervals, plots, videos of some episodes."""
+"""Self-contained HTML page: figures with intervals, plots, videos of some episodes."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _COLOURS = ("var(--a)", "var(--b)")
 
 @dataclass(frozen=True)
 class Clip:
-    """A video of an episode: MP4, and what is below it."""
+    """Video of an episode: MP4, and its caption."""
 
     mp4: bytes
     caption: str
 
 
 def page(results: Mapping[str, Any], judged: Sequence[Judged], clips: Sequence[Clip], note: str = "") -> str:
-    """The report.
+    """Make the report.
 
     Args:
         results: content of ``results.json``; clips: the best episodes first; note: what is missing, "" for
@@ -83,7 +83,7 @@ def _number(value: float) -> str:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Cells are HTML."""
+    """Make a table from cells of HTML."""
     top = "".join(f"<th>{_text(name)}</th>" for name in head)
     body = "".join(
         "<tr>"
@@ -127,7 +127,7 @@ def _comparison(results: Mapping[str, Any]) -> str:
                 "McNemar" if entry["method"] == "mcnemar" else "bootstrap",
             )
         )
-    head = ("second less first", "difference", "interval", "larger / smaller", "p", "test")
+    head = ("second minus first", "difference", "interval", "larger / smaller", "p", "test")
     return "<h2>Comparison in the same episodes</h2>" + _table(head, rows)
 
 
@@ -139,7 +139,7 @@ def _axis(low: float, high: float) -> tuple[float, float]:
 
 
 def _strip(judged: Sequence[Judged]) -> str:
-    """A dot for each episode: its number across, its return upwards; hollow where it failed."""
+    """Plot a dot for each episode: return over number; hollow if it failed."""
     returns = [float(episode.rewards.sum()) for one in judged for episode in one.episodes]
     if not returns:
         return "<p>No episode was played.</p>"

@@ -1,4 +1,4 @@
-"""The figures of an evaluation: of each episode, of all, and of two checkpoints beside each other."""
+"""Figures of an evaluation: for each episode, for all, and for two checkpoints side by side."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Judged:
     """The episodes of one checkpoint, with the figures of each.
 
     Attributes:
-        name: as the file names it; values: of each metric by name, one for each episode.
+        name: as in the file; values: of each metric by name, one for each episode.
     """
 
     name: str
@@ -28,7 +28,7 @@ class Judged:
     values: dict[str, list[float]] = field(default_factory=dict)
 
     def add(self, episode: Episode) -> None:
-        """Takes an episode and measures it. Raises MetricError."""
+        """Add an episode and measure it. Raises MetricError."""
         figures = {metric.name: measured(metric, episode) for metric in self.metrics}
         self.episodes.append(episode)
         for name, value in figures.items():
@@ -36,7 +36,7 @@ class Judged:
 
     @property
     def success_rate(self) -> float:
-        """So far."""
+        """Success rate so far."""
         return sum(episode.success for episode in self.episodes) / max(1, len(self.episodes))
 
     @property
@@ -47,20 +47,20 @@ class Judged:
 
 @dataclass(frozen=True)
 class Intervals:
-    """How intervals are computed: their level, samples of the bootstrap, and its seed."""
+    """Computation of intervals: their level, samples of the bootstrap, and its seed."""
 
     confidence: float = 0.95
     samples: int = 10_000
     seed: int = 0
 
     def estimate(self, metric: Metric, values: Sequence[float]) -> Estimate:
-        """A rate with Wilson's interval, a mean with that of the bootstrap."""
+        """Estimate a rate with Wilson's interval, a mean with that of the bootstrap."""
         if metric.rate:
             return wilson(round(sum(values)), len(values), self.confidence)
         return bootstrap(values, self.confidence, self.samples, self.seed)
 
     def difference(self, metric: Metric, first: Sequence[float], second: Sequence[float]) -> Difference:
-        """The second checkpoint less the first, in the episodes that both have played."""
+        """Return the second checkpoint minus the first, in the episodes that both have played."""
         count = min(len(first), len(second))
         return paired(
             first[:count],
@@ -73,7 +73,7 @@ class Intervals:
 
 
 def as_json(judged: Sequence[Judged], about: Mapping[str, Any], intervals: Intervals) -> dict[str, Any]:
-    """The content of ``results.json``: the first checkpoint, then the comparison with the second."""
+    """Return the content of ``results.json``: the first checkpoint, then the comparison with the second."""
     first = judged[0]
     content: dict[str, Any] = {
         "format": 1,
@@ -118,7 +118,7 @@ def _figures(judged: Judged, intervals: Intervals) -> dict[str, dict[str, Any]]:
 
 
 def as_csv(judged: Sequence[Judged]) -> str:
-    """One row for each episode of each checkpoint."""
+    """Return one row for each episode of each checkpoint."""
     text = io.StringIO()
     names = [metric.name for metric in judged[0].metrics]
     terms = sorted({name for one in judged for episode in one.episodes for name in episode.reward_terms})

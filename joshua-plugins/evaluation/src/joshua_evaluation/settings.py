@@ -1,4 +1,4 @@
-"""Settings of an evaluation, checked while the file is: metrics, checkpoints, the model plugin."""
+"""Settings of an evaluation, checked at validation: metrics, checkpoints, the model plugin."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from joshua_evaluation.plugins import ModelOffer, model_offer
 
 _OWN = "eval_config."
 
-#: Seed of the first episode, where neither the block nor the simulation has one.
+#: Seed of the first episode if neither the block nor the simulation has one.
 DEFAULT_SEED = 1000
 
 
 class Candidate(BaseModel):
-    """A checkpoint and what runs it.
+    """A checkpoint and its model plugin.
 
     Attributes:
-        field: that names it; given: as it does; path: of the weights.
+        field: that names it; given: its value; path: of the weights.
         model: the plugin that runs it, None for the policy of a trainer.
-        environment: that it was trained in, "" where nothing says so.
+        environment: that it was trained in, "" if unknown.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -41,7 +41,7 @@ class Candidate(BaseModel):
 
 
 class EvaluationSettings(BlockSettings):
-    """What the file says of an evaluation.
+    """Settings of an evaluation.
 
     Attributes:
         candidates: the checkpoint, and the one that it is compared with.
@@ -68,7 +68,7 @@ class EvaluationSettings(BlockSettings):
 
     @classmethod
     def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
-        """Takes the fields of ``eval_config``, and finds out what the checkpoints are."""
+        """Take the fields of ``eval_config``, and recognise the checkpoints."""
         del node
         block: Mapping[str, Any] = values["eval_config"] or {}
         known = {
@@ -95,7 +95,7 @@ class EvaluationSettings(BlockSettings):
     @model_validator(mode="before")
     @classmethod
     def _recognised(cls, values: Any) -> Any:
-        """Replaces what the file names by what is there; settings of a running node have it already."""
+        """Replace names by recognised checkpoints; the settings of a running node have them already."""
         raw = values.get("candidates", ())
         if values.get("environment") == "ENV_REAL":
             return {**values, "candidates": []}
@@ -121,18 +121,18 @@ class EvaluationSettings(BlockSettings):
                     f"{_OWN}metrics[{index}]",
                     f"There is no metric {name!r}",
                     allowed=near,
-                    remedy=f'Write "{near[0]}", or install the plugin that brings it',
+                    remedy=f'Write "{near[0]}", or install the plugin that adds it',
                 )
             if name in self.metrics[:index]:
                 raise FieldError(
-                    f"{_OWN}metrics[{index}]", f"The metric {name!r} stands there twice", remedy="Remove one"
+                    f"{_OWN}metrics[{index}]", f"The metric {name!r} is listed twice", remedy="Remove one"
                 )
         if not self.environment_id:
             trained = next((item.environment for item in self.candidates if item.environment), "")
             where = f"; the checkpoint was trained in {trained}" if trained else ""
             raise FieldError(
                 "environment_id",
-                f"The evaluation does not say in which environment{where}",
+                f"The evaluation does not name its environment{where}",
                 allowed=(trained,) if trained else (),
                 remedy=f'Add environment_id: "{trained or "joshua/SoArm100Reach-v0"}"',
             )
@@ -140,14 +140,14 @@ class EvaluationSettings(BlockSettings):
             if item.environment and item.environment != self.environment_id:
                 raise FieldError(
                     item.field,
-                    f"{item.given} was trained in {item.environment}, and is judged in {self.environment_id}",
+                    f"{item.given} was trained in {item.environment}, not in {self.environment_id}",
                     remedy=f'Name another checkpoint, or write environment_id: "{item.environment}"',
                 )
         return self
 
 
 def _candidate(told: Mapping[str, Any]) -> dict[str, Any] | None:
-    """What a checkpoint is; None for one that is not there, which the checks of paths report."""
+    """Recognise a checkpoint; None for a missing one, which the path checks report."""
     field, given, plugin = f"{_OWN}{told['field']}", str(told["given"]), told["plugin"]
     place = Path(told["folder"]) / Path(given).expanduser()
     try:

@@ -9,7 +9,7 @@ from typing import Any
 
 
 def as_mp4(pictures: Iterable[Any], rate_hz: float) -> bytes:
-    """Encodes pictures of shape (H, W, 3), uint8, RGB, with even sides."""
+    """Encode pictures of shape (H, W, 3), uint8, RGB, with even sides."""
     import av
 
     content = io.BytesIO()

@@ -1,1 +1,1 @@
-"""Commands that look into any running ROS 2 graph."""
+"""Commands that inspect any running ROS 2 graph."""

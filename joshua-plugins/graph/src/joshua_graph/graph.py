@@ -1,4 +1,4 @@
-"""A visit to the ROS 2 graph: join it, and find topics, types and nodes, or name the nearest."""
+"""Join the ROS 2 graph, and find topics, types and nodes, or name the nearest."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 _QUIET_S = 0.3
 _POLL_S = 0.02
 _LONGEST_WRAPPED = 10_000  # a picture in full is not wrapped
-#: How long the rest of what belongs to a topic or node may take to become known.
+#: How long the rest of a topic's or node's entries may take to arrive.
 _SETTLE_S = 2.0
 
 
 def add_graph_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that every command about the graph takes."""
+    """Add the options of every command on the graph."""
     group = parser.add_argument_group("graph")
     group.add_argument(
         "--transport",
@@ -87,7 +87,7 @@ def graph_session(arguments: argparse.Namespace) -> Iterator[Transport]:
 
 
 def looks(wait_s: float, pause_s: float = _POLL_S) -> Iterator[None]:
-    """Yield for each look at something that is waited for; the last one comes after the whole wait.
+    """Yield for each poll of a condition; the last poll comes after the whole wait.
 
     A pause in which this program was stopped counts little, because the rest of the graph stopped as well.
     """
@@ -102,7 +102,7 @@ def looks(wait_s: float, pause_s: float = _POLL_S) -> Iterator[None]:
 
 
 def wait_for_graph(transport: Transport, wait_s: float) -> list[NodeInfo]:
-    """The nodes, once nothing new has appeared for a moment; at the latest after ``wait_s``.
+    """Return the nodes, once nothing new has appeared for a moment; at the latest after ``wait_s``.
 
     Endpoints whose node is not announced yet are waited for.
     """
@@ -120,7 +120,7 @@ def wait_for_graph(transport: Transport, wait_s: float) -> list[NodeInfo]:
 
 
 def visible_nodes(transport: Transport, wait_s: float, *, hidden: bool = True) -> list[NodeInfo]:
-    """The nodes of the graph; if there are none, standard error says why and what to do.
+    """Return the nodes of the graph; if there are none, print why and what to do to standard error.
 
     Args:
         hidden: whether nodes whose name begins with ``_`` count.
@@ -147,7 +147,7 @@ def visible_nodes(transport: Transport, wait_s: float, *, hidden: bool = True) -
 
 
 def _running_hint(settings: TransportSettings) -> str:
-    """What runs on this machine and why it is not in this graph, as sentences; "" if nothing runs."""
+    """Describe what runs on this machine and why it is not in this graph; "" if nothing runs."""
     from joshua.tools import CallError, RunningSystem
 
     text = ""
@@ -165,19 +165,19 @@ def _running_hint(settings: TransportSettings) -> str:
 
 
 def place_of(transport: Transport) -> str:
-    """Where a visit looks: the meeting point and the domain."""
+    """Describe where a command looks: the meeting point and the domain."""
     if transport.settings.kind == "dds":
         return transport.meeting_point
     return f"{transport.meeting_point}, domain {transport.settings.domain_id}"
 
 
 def full_topic(name: str) -> str:
-    """A topic or node name with its leading slash."""
+    """Return a topic or node name with its leading slash."""
     return name if name.startswith("/") else f"/{name}"
 
 
 def full_name(node: NodeInfo) -> str:
-    """Fully qualified name of a node."""
+    """Return the fully qualified name of a node."""
     return f"{node.namespace.rstrip('/')}/{node.name}"
 
 
@@ -193,7 +193,7 @@ def find_node(transport: Transport, name: str, wait_s: float) -> list[NodeInfo]:
 
 
 def _wait_for(kind: str, name: str, transport: Transport, wait_s: float) -> list[NodeInfo]:
-    """Wait for a topic or node. Returns the graph a moment later, so that the rest of it is known as well.
+    """Wait for a topic or node. Returns the graph a moment later, when the rest of it is known.
 
     Raises:
         GraphError: it did not appear. The message names the nearest.
@@ -220,7 +220,7 @@ def _wait_for(kind: str, name: str, transport: Transport, wait_s: float) -> list
 
 
 def type_of(endpoints: Sequence[EndpointInfo]) -> str:
-    """The type of a topic.
+    """Return the type of a topic.
 
     Raises:
         GraphError: its endpoints do not agree.
@@ -236,7 +236,7 @@ def type_of(endpoints: Sequence[EndpointInfo]) -> str:
 
 
 def type_name(text: str) -> str:
-    """The ROS 2 type of a ROS 2 name, or of a DataType such as ``JOINT_STATE``.
+    """Return the ROS 2 type of a ROS 2 name, or of a DataType such as ``JOINT_STATE``.
 
     Raises:
         MessageError: there is no such type. The message names the nearest.
@@ -261,7 +261,7 @@ def type_name(text: str) -> str:
 
 
 def show(lines: Iterable[str]) -> None:
-    """Print lines; a terminal gets them wrapped, so that no value is cut in two."""
+    """Print lines, wrapped between values on a terminal."""
     from joshua.tools import Screen
 
     screen = Screen.of(sys.stdout)
@@ -274,7 +274,7 @@ def show(lines: Iterable[str]) -> None:
 
 
 def endpoint_lines(endpoints: Sequence[EndpointInfo], *, of_node: bool) -> list[str]:
-    """The endpoints of a topic or node, publishers first, each with its quality of service."""
+    """Format the endpoints of a topic or node, publishers first, each with its quality of service."""
     lines = []
     for label, is_publisher in (("publishers", True), ("subscriptions", False)):
         chosen = [endpoint for endpoint in endpoints if endpoint.is_publisher is is_publisher]
@@ -287,7 +287,7 @@ def endpoint_lines(endpoints: Sequence[EndpointInfo], *, of_node: bool) -> list[
 
 
 def qos_text(qos: QosProfile) -> str:
-    """A profile in one line; durations only if they are set."""
+    """Format a profile in one line; durations only if they are set."""
     depth = f" {qos.depth}" if qos.history == "KEEP_LAST" else ""
     parts = [qos.reliability, qos.durability, f"{qos.history}{depth}"]
     if qos.liveliness != "AUTOMATIC":
@@ -297,7 +297,7 @@ def qos_text(qos: QosProfile) -> str:
 
 
 def profile_for(publishers: Sequence[EndpointInfo], depth: int) -> QosProfile:
-    """A profile that connects to all of the publishers, and gets kept messages if all of them keep some."""
+    """Return a profile compatible with all publishers, which receives kept messages if all keep some."""
     from joshua.api.transports import QosProfile
 
     offers = [endpoint.qos for endpoint in publishers if endpoint.is_publisher]

@@ -69,7 +69,7 @@ def _type(arguments: argparse.Namespace) -> int:
 
 
 def _call(arguments: argparse.Namespace) -> int:
-    """Call a service and print its response; 1 where a std_srvs response says that it failed."""
+    """Call a service and print its response; return 1 if a std_srvs response reports a failure."""
     from joshua.messages import decode, encode
     from joshua.messages.fields import build
     from joshua.messages.text import message_text
@@ -86,7 +86,7 @@ def _call(arguments: argparse.Namespace) -> int:
 
 
 def _find(transport: Transport, arguments: argparse.Namespace) -> ServiceInfo:
-    import difflib  # costs time that only an error is worth
+    import difflib  # imported here, because only an error needs it
 
     name = full_topic(arguments.service)
     known: list[ServiceInfo] = []
@@ -96,13 +96,13 @@ def _find(transport: Transport, arguments: argparse.Namespace) -> ServiceInfo:
             if item.name == name:
                 return item
     near = difflib.get_close_matches(name, [item.name for item in known], n=1, cutoff=0.5)
-    hint = f" Did you mean {near[0]}?" if near else " `joshua service list` shows what there is."
+    hint = f" Did you mean {near[0]}?" if near else " `joshua service list` shows the services."
     _require_services(transport)
     raise GraphError(f"no node offers the service {name}.{hint}", ExitCode.INVALID)
 
 
 def _services(transport: Transport, wait_s: float) -> list[ServiceInfo]:
-    """The services, once nothing new has come for a moment."""
+    """Return the services, once nothing new has appeared for a moment."""
     _require_services(transport)
     known: list[ServiceInfo] = []
     quiet = 0

@@ -37,16 +37,16 @@ if TYPE_CHECKING:
     from joshua.api.transports import Publisher, QosProfile, Sample, Subscription, Transport
 
 _ECHO_DEPTH = 100
-#: Received messages that wait to be printed, at most; the oldest are dropped.
+#: Most received messages that wait to be printed; the oldest are dropped.
 _WAITING = 1000
 _TICK_S = 0.1
-#: How long a command that ends after some messages waits for one; a topic may stay silent indefinitely.
+#: How long a command with a count waits for a message; otherwise it waits indefinitely.
 _BOUNDED_WAIT_S = 10.0
 _HZ_DEPTH = 1000
 _HZ_PERIOD_S = 1.0
 _POLL_S = 0.01
 _LEAVE_S = 0.2
-# No message of ROS 2 comes near; the YAML parser slows down with every level.
+# No ROS 2 message comes close; the YAML parser slows down with every level.
 _DEEPEST = 50
 
 SUMMARY = "list, show and publish topics of a running graph"
@@ -78,7 +78,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     action.add_argument("--full", action="store_true", help="show every value of long arrays")
     action = add("hz", "show the rate of a topic, each second", hz)
-    action.add_argument("--window", metavar="N", type=_positive, default=1000, help="messages that count")
+    action.add_argument(
+        "--window", metavar="N", type=_positive, default=1000, help="messages in the average (default 1000)"
+    )
     action.add_argument("-n", "--count", metavar="N", type=_positive, help="end after this many lines")
     action = add("pub", "publish a message, once or at a rate", pub)
     action.add_argument("type", metavar="TYPE", help="package/msg/Type or a DataType such as JOINT_STATE")
@@ -91,7 +93,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     pace = action.add_mutually_exclusive_group()
     pace.add_argument("--once", action="store_true", help="publish once, to a subscription")
-    pace.add_argument("--rate", metavar="HZ", type=_rate, default=1.0, help="messages a second (default 1)")
+    pace.add_argument("--rate", metavar="HZ", type=_rate, default=1.0, help="messages per second (default 1)")
     action.add_argument(
         "-n",
         "--count",
@@ -105,7 +107,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the chosen action; Ctrl-C is how a user ends one that continues."""
+    """Run the chosen action; Ctrl-C ends a continuous one without an error."""
     try:
         return run_graph_command(arguments)
     except KeyboardInterrupt:
@@ -114,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _positive(text: str) -> int:
     if not text.isascii() or not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number from 1 on, found {text!r}")
+        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, found {text!r}")
     return int(text)
 
 
@@ -124,12 +126,14 @@ def _rate(text: str) -> float:
     except ValueError:
         value = math.nan
     if not (math.isfinite(value) and 0 < value <= 10_000):
-        raise argparse.ArgumentTypeError(f"expected messages a second from above 0 to 10000, found {text!r}")
+        raise argparse.ArgumentTypeError(
+            f"expected messages per second, above 0 and up to 10000, found {text!r}"
+        )
     return value
 
 
 def list_topics(arguments: argparse.Namespace) -> int:
-    """Print the topics, one a line, with their types if asked."""
+    """Print the topics, one per line, with their types if requested."""
     with graph_session(arguments) as transport:
         topics: dict[str, set[str]] = {}
         for node in visible_nodes(transport, arguments.wait):
@@ -142,7 +146,7 @@ def list_topics(arguments: argparse.Namespace) -> int:
 
 
 def info(arguments: argparse.Namespace) -> int:
-    """Print what the graph knows of one topic."""
+    """Print the graph's information on one topic."""
     topic = full_topic(arguments.topic)
     with graph_session(arguments) as transport:
         endpoints = find_topic(transport, topic, arguments.wait)
@@ -206,7 +210,7 @@ def hz(arguments: argparse.Namespace) -> int:
 
 
 def rate_text(times_s: list[float]) -> str:
-    """Rate and periods of messages that arrived at these times."""
+    """Format rate and periods of messages that arrived at these times."""
     if len(times_s) < 2:
         return "one message"
     periods_s = [later - sooner for sooner, later in itertools.pairwise(times_s)]
@@ -231,7 +235,7 @@ def pub(arguments: argparse.Namespace) -> int:
 
     topic, chosen = full_topic(arguments.topic), type_name(arguments.type)
     values = read_values(arguments.values)
-    build(chosen, values)  # before anything is opened
+    build(chosen, values)  # before the graph is joined
     qos = QosProfile(durability="TRANSIENT_LOCAL", depth=1) if arguments.latch else QosProfile()
     count = 1 if arguments.once else arguments.count
     with graph_session(arguments) as transport:
@@ -241,7 +245,7 @@ def pub(arguments: argparse.Namespace) -> int:
             _wait_for_subscription(publisher, topic, arguments.wait)
         next_s, sent = time.monotonic(), 0
         while count is None or sent < count:
-            # stamps that are "now" are made again for each message
+            # stamps that are "now" are renewed for each message
             publisher.publish(encode(build(chosen, values)))
             sent += 1
             sys.stdout.write(f"published {chosen} on {topic}: {sent}\n")
@@ -249,7 +253,7 @@ def pub(arguments: argparse.Namespace) -> int:
             if sent != count:
                 next_s += 1 / arguments.rate
                 time.sleep(max(0.0, next_s - time.monotonic()))
-        time.sleep(_LEAVE_S)  # until the last message has left
+        time.sleep(_LEAVE_S)  # until the last message has been sent
     return ExitCode.OK
 
 
@@ -301,10 +305,10 @@ class Arrival:
 def arrivals(
     transport: Transport, topic: str, type_name: str, qos: QosProfile, timeout_s: float | None = None
 ) -> Iterator[Arrival | None]:
-    """Subscribe; yields what is received, and None about ten times a second without messages.
+    """Subscribe; yield what is received, and None about ten times per second without messages.
 
-    They are handled on the main thread, where Ctrl-C and a closed pipe arrive. Standard error says when the
-    last publisher leaves, and when there is one again.
+    They are handled on the main thread, where Ctrl-C and a closed pipe arrive. Standard error reports when
+    the last publisher leaves, and when there is one again.
 
     Raises:
         GraphError: no message was received for ``timeout_s``.
@@ -329,7 +333,7 @@ def arrivals(
             yield arrival
         except queue.Empty:
             publishers.look()
-            silent_s += _TICK_S  # not by the clock, which continues while this program is stopped
+            silent_s += _TICK_S  # not from the clock, which continues while this program is stopped
             if timeout_s is not None and silent_s >= timeout_s:
                 raise GraphError(
                     f"no message received on {topic} within {timeout_s:g} s: {publishers.state}. Wait longer "
@@ -339,15 +343,15 @@ def arrivals(
 
 
 class _Publishers:
-    """The publishers of a topic, as far as they come and go."""
+    """Tracks the publishers of a topic."""
 
     def __init__(self, subscription: Subscription, topic: str) -> None:
         self._subscription, self._topic = subscription, topic
-        # one that leaves before the first look, or while messages come without a pause, was there too
+        # counts a publisher that leaves before the first look, or during uninterrupted messages
         self._count = self._most = subscription.publisher_count
 
     def look(self) -> None:
-        """Say when the last one has left, and when there is one again."""
+        """Report when the last one has left, and when there is one again."""
         before, self._count = self._count, self._subscription.publisher_count
         if before and not self._count:
             sys.stderr.write(
@@ -358,13 +362,13 @@ class _Publishers:
         self._most = max(self._most, self._count)
 
     def received(self) -> None:
-        """A message was received, perhaps from a publisher that no look has found yet."""
+        """Note a received message, perhaps from a publisher that no look has found yet."""
         if not self._count:
             self.look()
 
     @property
     def state(self) -> str:
-        """Why no message may have been received."""
+        """Describe why no message may have been received."""
         if self._count:
             return f"its {self._count} publisher{'s' * (self._count > 1)} sent none"
         return "its last publisher has left" if self._most else "it has no publisher"

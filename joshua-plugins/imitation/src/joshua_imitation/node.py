@@ -144,7 +144,7 @@ class ImitationTrainer(Trainer):
                 )
         except OSError as error:
             raise RunError(
-                f"{folder.path} cannot be written: {error.strerror or error}: make room, and continue with "
+                f"{folder.path} cannot be written: {error.strerror or error}: free some space, and continue with "
                 "resume_run"
             ) from error
         except RunError:

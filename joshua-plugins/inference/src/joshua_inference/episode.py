@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 SUMMARY = "begin episodes of a running model and mark their success; without an action, by keys"
 
-#: What is called for each action: the verb and what it is told.
+#: Verb and request of each action.
 ACTIONS: dict[str, tuple[str, dict[str, Any]]] = {
     "begin": ("begin_episode", {}),
     "success": ("end_episode", {"success": True}),
@@ -27,7 +27,7 @@ ACTIONS: dict[str, tuple[str, dict[str, Any]]] = {
     "step": ("step", {}),
 }
 KEYS = {"b": "begin", "s": "success", "f": "failure", "p": "pause", "r": "resume", "n": "step"}
-HELP = "b begin   s success   f failure   p pause   r resume   n one chunk   q quit (the run goes on)"
+HELP = "b begin   s success   f failure   p pause   r resume   n one chunk   q quit (the run continues)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Ask the model; exit code 0, 1 if no system runs or the model refuses, 2 for a wrong command line."""
+    """Call the model; exit code 0, 1 if no system runs or the model refuses, 2 for a wrong command line."""
     from joshua.tools import CallError
 
     try:
@@ -60,7 +60,7 @@ def _ask(system: RunningSystem, node: str, action: str, timeout_s: float) -> str
 
 
 def screen(node: str, figures: dict[str, Any], width: int) -> str:
-    """What a model does, as lines of at most ``width`` columns."""
+    """Describe the state of a model in lines of at most ``width`` columns."""
     done, well = figures["episodes"], figures["successes"]
     share = f" ({well / done:.0%})" if done else ""
     lines = [

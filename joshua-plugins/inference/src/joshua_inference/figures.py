@@ -1,4 +1,4 @@
-"""How well a model keeps up with the arm that it drives: figures for the status line and the end."""
+"""Figures of how well a model keeps up with its arm, for the status line and the end of the run."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ class InferenceFigures:
     """Figures since the start.
 
     Attributes:
-        rate_hz: of the actions, measured; chunks: predicted; queue: steps that are left of the newest one.
+        rate_hz: of the actions, measured; chunks: predicted; queue: steps left in the newest one.
         latency_p50_s, latency_p99_s: the model's own time for a chunk; overhead_p50_s: from the start of
             an observation to its chunk in the queue, without the model's own time.
         age_p50_s, age_p99_s: of the observation behind an action when it is published.
         reaction_p50_s, reaction_p99_s: the same of the first action of each chunk.
-        periods, gaps: since the first action, and those of them without one.
+        periods, gaps: since the first action, and how many of them had none.
         skipped: steps that were late when their chunk arrived.
         borders: chunks that followed another one.
         border_rad, border_rad_s: largest difference of a new chunk from the plan before it, and largest
             change of speed there; border_mean_rad: the mean of all borders.
-        episodes, successes: that have ended.
-        state: what the model does, such as ``acts`` or ``paused``.
+        episodes, successes: of those that have ended.
+        state: of the model, such as ``acts`` or ``paused``.
     """
 
     rate_hz: float
@@ -69,7 +69,7 @@ class FigureKeeper:
         self._jump = self._jump_sum = self._change = 0.0
 
     def period(self, now_ns: int, *, counts: bool, gap: bool) -> None:
-        """Counts a period; ``counts``: an action was expected, ``gap``: there was none."""
+        """Count a period; ``counts``: an action was expected, ``gap``: there was none."""
         self.periods += counts
         self.gaps += counts and gap
         if counts and self._last_ns:
@@ -78,7 +78,7 @@ class FigureKeeper:
         self._last_ns = now_ns if counts else 0
 
     def border(self, due: FloatArray, planned: FloatArray, before: list[FloatArray]) -> None:
-        """Counts a border: the first action of a chunk, what was planned, the two published before it."""
+        """Count a border: the first action of a chunk, what was planned, the two published before it."""
         jump = float(np.abs(due - planned).max())
         self._borders += 1
         self._jump, self._jump_sum = max(self._jump, jump), self._jump_sum + jump
@@ -87,7 +87,7 @@ class FigureKeeper:
             self._change = max(self._change, float(change))
 
     def figures(self, queue: int) -> InferenceFigures:
-        """The figures so far."""
+        """Return the figures so far."""
         return InferenceFigures(
             rate_hz=1e9 * self._actions / self._playing_ns if self._playing_ns > 0 else 0.0,
             chunks=self.latency.count,

@@ -1,4 +1,4 @@
-"""Observation, model and action side by side: none of them waits for another."""
+"""Concurrent observation, model and action: none of them waits for another."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from joshua.api.models import Execution
 from joshua_inference.figures import FigureKeeper, InferenceFigures
 from joshua_inference.strategies import STRATEGIES, Chunk, Output
 
-#: Latencies of which the longest is expected of the next chunk.
+#: Number of latencies whose longest is expected for the next chunk.
 _DELAYS = 10
 
 
 class InferenceLoop:
-    """Places the chunks of a model on the time axis of a timer.
+    """Placement of a model's chunks on the time axis of a timer.
 
     Steps count the periods of the timer from its first tick on. Step k of a chunk belongs to the tick that is
     nearest to the stamp of the observation plus k periods.
 
     Args:
-        execution: of the file; joints: that are commanded; period_s: of the timer.
+        execution: of the file; joints: commanded ones; period_s: of the timer.
         now_ns: the clock of the stamps.
     """
 
@@ -52,7 +52,7 @@ class InferenceLoop:
         self.paused = False
 
     def wait(self, timeout_s: float) -> bool:
-        """Waits until a chunk is wanted; False when that takes longer; on the model's thread."""
+        """Wait until a chunk is wanted; return False after the timeout; on the model's thread."""
         with self._lock:
             self._wanted.clear()
             if self._wants():
@@ -60,13 +60,13 @@ class InferenceLoop:
         return self._wanted.wait(timeout_s)
 
     def predict(self, model: Model, observation: Observation, began_ns: int = 0) -> int:
-        """Lets the model answer an observation; on the model's thread.
+        """Run the model on an observation; on the model's thread.
 
         Args:
-            began_ns: when the making of the observation began, monotonic; 0 for now.
+            began_ns: when the work on the observation began, monotonic; 0 for now.
 
         Returns:
-            How many steps of the chunk were late. Raises ModelError for actions that cannot be sent.
+            The number of late steps of the chunk. Raises ModelError for actions that cannot be sent.
         """
         began_ns = began_ns or time.monotonic_ns()
         with self._lock:
@@ -74,7 +74,7 @@ class InferenceLoop:
             again = known is not None and known.stamp_ns == observation.stamp_ns and not self._hurry
             epoch, self._hurry, self._asked = self._epoch, False, self._next
             if again and known is not None and len(known.actions) > 1 and not self._strategy.on_arrival:
-                return 0  # the same observation has the same answer
+                return 0  # the same observation gives the same chunk
             first = self._step(observation.stamp_ns)
             request = self._strategy.request(first, self._delay())
         self._called_ns = called_ns = time.monotonic_ns()
@@ -82,12 +82,12 @@ class InferenceLoop:
         took_ns, self._called_ns = time.monotonic_ns() - called_ns, 0
         actions = checked(act, self.joints, type(model).__name__)
         with self._lock:
-            if epoch != self._epoch:  # what it answered no longer holds
+            if epoch != self._epoch:  # its chunk is not valid any more
                 return 0
             self._delays.append(max(1, self._next - first))
             if (
                 self._strategy.on_arrival or len(actions) == 1
-            ):  # the arm holds, or the model answers the present
+            ):  # the arm holds, or the model acts on the present
                 first = self._next
             late = min(len(actions), max(0, self._next - first))
             self._keeper.skipped += late
@@ -97,10 +97,10 @@ class InferenceLoop:
         return late
 
     def tick(self, *, runs: bool, keep: bool) -> FloatArray | None:
-        """The action to publish; None for nothing; on the timer's thread.
+        """Return the action to publish, None for none; on the timer's thread.
 
         Args:
-            runs: actions are carried out; else the arm comes to rest by a ramp.
+            runs: actions are executed; else the arm ramps to a stop.
             keep: the hold after the ramp is published.
         """
         now_ns = self._now_ns()
@@ -109,7 +109,7 @@ class InferenceLoop:
             self._next = step + 1
             due = self._strategy.due(step) if runs and (not self.paused or self._single) else None
             if self._single and due is None and self._strategy.chunk is not None:
-                self._single = False  # carried out
+                self._single = False  # executed
             chunk, border = self._strategy.chunk, False
             if due is not None and chunk is not None:
                 begins = chunk is not self._playing
@@ -127,40 +127,40 @@ class InferenceLoop:
         return action
 
     def pause(self) -> None:
-        """Comes to rest and holds."""
+        """Ramp to a stop and hold."""
         with self._lock:
             self.paused, self._single = True, False
             self._forget()
 
     def resume(self) -> None:
-        """Goes on with a new chunk."""
+        """Continue with a new chunk."""
         with self._lock:
             self.paused = self._single = False
             self._mark = None
             self._forget()
 
     def single(self) -> None:
-        """Carries one chunk out, and holds again."""
+        """Execute one chunk, then hold again."""
         with self._lock:
             self._forget()
             self.paused = self._single = True
             self._mark = None
 
     def hurry(self) -> None:
-        """Wants a chunk at once, as the task has changed."""
+        """Request a chunk at once, because the task has changed."""
         with self._lock:
             self._hurry = True
             self._wanted.set()
 
     def clear(self, *, output: bool = False) -> None:
-        """Drops what is planned, and what is computed just now; ``output``: what was published, too."""
+        """Drop what is planned and what is being computed; ``output``: what was published, too."""
         with self._lock:
             self._forget()
             if output:
                 self._output.forget()
 
     def end_episode(self, success: bool) -> int:
-        """Counts an episode, or marks the last one again. Returns how many have ended."""
+        """Count an episode, or mark the last one again. Returns how many have ended."""
         self.pause()
         self._keeper.episodes += self._mark is None
         self._keeper.successes += success - bool(self._mark)
@@ -169,12 +169,12 @@ class InferenceLoop:
 
     @property
     def computing_s(self) -> float:
-        """How long the model has been at its present chunk; 0 while it computes none."""
+        """Return how long the model has been computing its present chunk; 0 if it computes none."""
         called_ns = self._called_ns
         return (time.monotonic_ns() - called_ns) / 1e9 if called_ns else 0.0
 
     def figures(self) -> InferenceFigures:
-        """The figures so far."""
+        """Return the figures so far."""
         with self._lock:
             chunk = self._strategy.chunk
             return self._keeper.figures(max(0, chunk.end - self._next) if chunk is not None else 0)
@@ -191,7 +191,7 @@ class InferenceLoop:
         return self._hurry or wants
 
     def _is_border(self, step: int, due: FloatArray, chunk: Chunk) -> bool:
-        """Whether another chunk begins to play; counts what it changes against the plan before it."""
+        """Return whether another chunk starts, and count how it differs from the plan before it."""
         before, self._playing = self._playing, chunk
         if before is chunk or self._execution.strategy == "TEMPORAL_ENSEMBLE":
             return False
@@ -203,7 +203,7 @@ class InferenceLoop:
         return True
 
     def _delay(self) -> int:
-        """Steps from an observation to its chunk, as expected of the next one."""
+        """Return the expected number of steps from the next observation to its chunk."""
         if self._execution.inference_delay is not None:
             return self._execution.inference_delay
         return max(self._delays, default=0) + self._execution.delay_margin
@@ -215,7 +215,7 @@ class InferenceLoop:
 
 
 def checked(actions: FloatArray, joints: JointSpace, name: str) -> FloatArray:
-    """A model's actions clipped to the limits. Raises ModelError for any other shape, or NaN."""
+    """Clip a model's actions to the limits. Raises ModelError for any other shape, or NaN."""
     chunk, count = np.asarray(actions, np.float64), len(joints.names)
     if chunk.ndim != 2 or chunk.shape[0] < 1 or chunk.shape[1] != count:
         raise ModelError(f"{name}.act returned shape {chunk.shape}; {count} joints need (T, {count}), T ≥ 1")

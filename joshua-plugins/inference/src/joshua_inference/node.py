@@ -51,19 +51,19 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 #: Share of periods without an action that still counts as keeping up.
 GAPS_MAX = 0.05
 
-#: Longest wait of the model's thread, so that the stop is noticed.
+#: Longest wait of the model's thread before it checks for a stop.
 WAIT_S = 0.2
 
-#: Distance of two looks whether a model that cannot run may run again.
+#: Interval at which a blocked model checks whether it may run again.
 BLOCKED_S = 0.01
 
-#: Distance of two texts in the status line.
+#: Interval between two texts in the status line.
 SHOWN_S = 0.5
 
-#: Beyond the time for a chunk, until a model that does not return is ended from outside.
+#: Time beyond the chunk timeout until a model that does not return is killed.
 HANG_MARGIN_S = 5.0
 
-#: Characters of a task, which anybody in the graph may give.
+#: Most characters of a task, which any node of the graph may set.
 TASK_MAX = 2000
 
 #: Longest time that a thread keeps the interpreter while another waits for it, seconds.
@@ -74,7 +74,7 @@ _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 @dataclass(frozen=True)
 class TaskRequest:
-    """What the robot is told to do, in plain words."""
+    """Task of the robot, in plain words."""
 
     text: str
 
@@ -90,8 +90,8 @@ class InferenceNode(NodeBehaviour):
     """The standard behaviour of models.
 
     A thread runs the model whenever a chunk of actions is wanted; a timer at the publisher's rate plays the
-    chunks. While a topic is stale, a task is missing, or a person has taken over, the arm comes to rest by a
-    ramp and then nothing is published, so that the actuator's own watchdog holds it.
+    chunks. While a topic is stale, a task is missing, or a person has taken over, the arm ramps to a
+    stop and then nothing is published, so that the actuator's own watchdog holds it.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -118,7 +118,7 @@ class InferenceNode(NodeBehaviour):
         self._said: deque[str] = deque(maxlen=16)
 
     def configure(self) -> None:
-        """Loads the model and declares topics. Raises ModelError, TargetError."""
+        """Load the model and declare topics. Raises ModelError, TargetError."""
         spec = self.context.spec
         for topic in spec.publishers:
             if topic.type_name != JOINT_STATE:
@@ -155,12 +155,12 @@ class InferenceNode(NodeBehaviour):
             self.context.subscribe(topic, partial(self._intervened, name))
 
     def verb_providers(self) -> tuple[object, ...]:
-        """The node's own verbs, and those of its model."""
+        """Return the node's own verbs and those of its model."""
         return (self,) if self._model is None else (self, self._model)
 
     @verb(moves=True, runs="beside")
     def load(self) -> str:
-        """Loads the model, which then acts again."""
+        """Load the model, which then acts again."""
         name = self.context.spec.full_name
         if self._model is not None:
             raise RefusedError(f"{name} has already loaded its model: unload it first")
@@ -179,9 +179,9 @@ class InferenceNode(NodeBehaviour):
 
     @verb(moves=False, runs="beside")
     def unload(self) -> str:
-        """Frees the model; nothing is published then, so that the actuator holds its position."""
+        """Unload the model; nothing is published, so the actuator holds its position."""
         name = self.context.spec.full_name
-        with self._acting:  # the model is done with what it computes just now
+        with self._acting:  # the model has finished its present computation
             model, self._model = self._model, None
             self._loop.clear(output=True)
         if model is None:
@@ -192,32 +192,32 @@ class InferenceNode(NodeBehaviour):
 
     @verb(moves=False)
     def pause(self) -> str:
-        """Brings the arm to rest by a ramp and holds it."""
+        """Ramp the arm to a stop and hold it."""
         self._loop.pause()
         return f"{self.context.spec.full_name} is paused; the arm holds"
 
     @verb(moves=True)
     def resume(self) -> str:
-        """Ends a pause: the model acts again."""
+        """End a pause: the model acts again."""
         self._failed = False
         self._loop.resume()
         return f"{self.context.spec.full_name} acts again"
 
     @verb(moves=True)
     def step(self) -> str:
-        """Carries out one chunk, and holds again."""
+        """Execute one chunk, then hold again."""
         self._failed = False
         self._loop.single()
-        return f"{self.context.spec.full_name} carries out one chunk"
+        return f"{self.context.spec.full_name} executes one chunk"
 
     @property
     def task_parameter(self) -> str:
-        """The instruction that the model gets with each observation."""
+        """Instruction that the model receives with each observation."""
         return self._observer.task
 
     @verb(moves=False, sets="task")
     def task(self, request: TaskRequest) -> str:
-        """Tells the robot what to do, in plain words."""
+        """Tell the robot what to do, in plain words."""
         text = " ".join(request.text.split())
         if not text:
             raise RefusedError("the task is empty; to stop the model, run `joshua call NODE pause`")
@@ -229,25 +229,25 @@ class InferenceNode(NodeBehaviour):
 
     @verb(moves=True)
     def begin_episode(self) -> str:
-        """Begins an episode: the model forgets what was before, and acts."""
+        """Begin an episode: the model forgets its history, and acts."""
         self._resets, self._failed = True, False
         self._loop.resume()
         return f"{self.context.spec.full_name}: the episode begins"
 
     @verb(moves=False)
     def end_episode(self, request: EpisodeEnd) -> str:
-        """Ends an episode with its mark of success; the arm holds."""
+        """End an episode and mark its success; the arm holds."""
         number = self._loop.end_episode(request.success)
         mark = "succeeded" if request.success else "failed"
         return f"{self.context.spec.full_name}: episode {number} {mark}; the arm holds"
 
     @verb(moves=False)
     def figures(self) -> InferenceFigures:
-        """Reports rate, queue, latencies, ages, skipped steps, borders of chunks, and episodes."""
+        """Report rate, queue, latencies, ages, skipped steps, borders of chunks, and episodes."""
         return replace(self._loop.figures(), state=self._state() or "acts")
 
     def activate(self) -> None:
-        """Starts the model's thread and the timer of the actions."""
+        """Start the model's thread and the timer of the actions."""
         if self._runs:
             return
         self._runs = True
@@ -255,7 +255,7 @@ class InferenceNode(NodeBehaviour):
             name = self.context.spec.full_name
             self._loop.pause()
             self.context.warn(
-                f"{name} failed and was restarted. It is paused and the arm holds: look for the reason "
+                f"{name} failed and was restarted. It is paused and the arm holds. Find the reason "
                 f"above, then run `joshua call {name} resume`"
             )
         hang_after_s = self._facts.execution.chunk_timeout_s + HANG_MARGIN_S
@@ -265,7 +265,7 @@ class InferenceNode(NodeBehaviour):
         self.context.create_timer(1 / self._rate_hz, self._play, name="actions")
 
     def deactivate(self) -> None:
-        """Plays nothing any more."""
+        """Stop publishing actions."""
         figures = self._loop.figures()
         self._loop.clear(output=True)
         if self._runs and figures.chunks:
@@ -273,12 +273,12 @@ class InferenceNode(NodeBehaviour):
         self._runs = False
 
     def cleanup(self) -> None:
-        """Frees the model."""
+        """Free the model."""
         if self._model is not None:
             self._model.close()
 
     def test_results(self) -> list[tuple[str, bool, str]]:
-        """Rates of actions and observations, and whether the model kept up."""
+        """Return the rates of actions and observations, and whether the model kept up."""
         rows = self._outputs.checks()
         for item in self._received:
             measured = f"{item.count} at {item.rate_hz:.4g} Hz"
@@ -290,7 +290,7 @@ class InferenceNode(NodeBehaviour):
         return rows
 
     def _infer(self) -> None:
-        """Runs the model until the stop; whatever it raises fails the node."""
+        """Run the model until the stop; any exception that it raises fails the node."""
         stand_back()
         self._stands_back.set()
         while not self.context.stopping:
@@ -332,7 +332,7 @@ class InferenceNode(NodeBehaviour):
         try:
             model.load()
             features, joints = as_trained(model.needs(), self._features, self._ranges)
-            if joints != self._ranges:  # of a checkpoint that the plan did not know yet
+            if joints != self._ranges:  # of a checkpoint that the plan did not have yet
                 self._use(features, joints)
                 model.close()
                 model = implementation(settings, self._joints, self._features)
@@ -350,13 +350,13 @@ class InferenceNode(NodeBehaviour):
         return model
 
     def _use(self, features: FeatureSet, joints: tuple[JointRange, ...]) -> None:
-        """Takes joints in the order of the model; messages name them."""
+        """Use the joints in the order of the model; messages name them."""
         self._features, self._ranges, self._joints = features, joints, joint_space(joints)
         self._observer.use(features)
         self._loop.joints = self._joints
 
     def _warm_up(self, model: Model, chunks: int) -> None:
-        """Lets a chunk model answer empty observations, so that its first real answer is not a slow one."""
+        """Run a chunk model on empty observations, so that its first real chunk is not slow."""
         values: dict[str, Any] = {}
         for feature in self._features.values():
             if 0 in feature.shape:
@@ -369,7 +369,7 @@ class InferenceNode(NodeBehaviour):
             model.reset()
 
     def _intervened(self, topic: str, message: Any, received_ns: int) -> None:
-        """A person takes over, or gives control back: the model then begins again."""
+        """Note that a person takes over, or returns control: the model then starts again."""
         del received_ns
         if bool(message.data) is (topic in self._taken_over):
             return
@@ -378,7 +378,7 @@ class InferenceNode(NodeBehaviour):
         self._loop.clear(output=True)
 
     def _blocked(self) -> bool:
-        """Whether the model must not run; says once why."""
+        """Return whether the model must not run; log the reason once."""
         missing = self._observer.missing()
         waits_for = f"a message on {', '.join(missing)}" if missing else ""
         if self._taken_over:
@@ -399,7 +399,7 @@ class InferenceNode(NodeBehaviour):
             self.context.log.warning("%s", text)
 
     def _play(self) -> None:
-        """Publishes the action that is due, or the ramp into a hold."""
+        """Publish the action that is due, or the ramp into a hold."""
         model, waits = self._model, bool(self._waits_for or self._observer.missing())
         action = self._loop.tick(runs=model is not None and not waits, keep=not waits)
         if waits:
@@ -414,7 +414,7 @@ class InferenceNode(NodeBehaviour):
         self._outputs.publish(now_ns, lambda _: message)
 
     def _show(self) -> None:
-        """Puts the figures into the status line; fails the node if the model does not return."""
+        """Show the figures in the status line; fail the node if the model does not return."""
         figures = self._loop.figures()
         state = self._state()
         self.context.show(state or str(figures) if figures.chunks else state)
@@ -426,16 +426,16 @@ class InferenceNode(NodeBehaviour):
             )
 
     def _state(self) -> str:
-        """Why the model does not act; "" while it does."""
+        """Return why the model does not act; "" while it does."""
         if self._model is None:
             return "no model"
         if self._failed and self._loop.paused:
             return f"failed and was restarted: run `joshua call {self.context.spec.full_name} resume`"
-        return "paused" if self._loop.paused else f"waits for {self._waits_for}" if self._waits_for else ""
+        return "paused" if self._loop.paused else f"waiting for {self._waits_for}" if self._waits_for else ""
 
 
 def joint_space(joints: Sequence[JointRange]) -> JointSpace:
-    """Makes a JointSpace of the joints of the plan."""
+    """Make a JointSpace from the joints of the plan."""
     return JointSpace(
         names=tuple(joint.name for joint in joints),
         position_min_rad=np.array([joint.min_rad for joint in joints], np.float64),

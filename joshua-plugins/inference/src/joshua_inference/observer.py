@@ -19,7 +19,7 @@ NS_PER_S = 1_000_000_000
 
 
 class UnfitMessageError(Exception):
-    """A message cannot be shown to the model; says on which topic and why."""
+    """A message does not fit the model; the text names its topic and the reason."""
 
 
 class _Newest(NamedTuple):
@@ -29,12 +29,12 @@ class _Newest(NamedTuple):
 
 
 class Observer:
-    """Collects observations; messages come from transport threads, observations go to the model's.
+    """Collector of observations; messages come from transport threads, observations go to the model's.
 
     A message becomes an array only when the model wants it, on the model's thread.
 
     Args:
-        features: that must be fresh, each with its topic.
+        features: those that must be fresh, each with its topic.
         stale_after_s: largest age of a message.
         task: instruction in natural language; it may change.
         now_ns: the clock of the stamps.
@@ -58,20 +58,20 @@ class Observer:
         self._arrays: dict[str, deque[tuple[Any, Array]]] = {}
 
     def use(self, features: FeatureSet) -> None:
-        """Takes features in place of those before."""
+        """Replace the features."""
         self._features, self._arrays = tuple(features.values()), {}
 
     def look_back(self, count: int, period_s: float) -> None:
-        """Gives the model so many observations, one period apart, the present one included."""
+        """Give the model ``count`` observations, one period apart, including the present one."""
         self._count, self._period_ns, self._arrays = count, round(period_s * NS_PER_S), {}
 
     def forget(self) -> None:
-        """Forgets what was before: the first observation of an episode has none before it."""
+        """Forget the history: the first observation of an episode has none before it."""
         with self._lock:
             self._past.clear()
 
     def add(self, topic: str, message: Any, received_ns: int) -> None:
-        """Takes a message; ``received_ns`` since the epoch."""
+        """Add a message; ``received_ns`` since the epoch."""
         new = _Newest(message, received_ns, time.monotonic_ns())
         with self._lock:
             self._newest[topic] = new
@@ -83,7 +83,7 @@ class Observer:
                     past.popleft()
 
     def missing(self) -> tuple[str, ...]:
-        """Topics without a fresh message."""
+        """Return the topics without a fresh message."""
         oldest_ns = time.monotonic_ns() - self._stale_after_ns
         with self._lock:
             return tuple(
@@ -93,7 +93,7 @@ class Observer:
             )
 
     def observation(self) -> Observation:
-        """The newest value of each feature.
+        """Return the newest value of each feature.
 
         Raises:
             UnfitMessageError: a message does not fit its feature; it is dropped, and its topic missing.
@@ -122,7 +122,7 @@ class Observer:
         return Observation(stamp_ns, values, stamps_ns, task=self.task)
 
     def _array(self, feature: Feature, message: Any) -> Array:
-        """The array of a message, made once."""
+        """Return the array of a message, made once."""
         known = self._arrays.setdefault(feature.key, deque(maxlen=self._count))
         for other, array in known:
             if other is message:
@@ -145,7 +145,7 @@ class Observer:
 
 
 def _at(past: tuple[_Newest, ...] | None, moment_ns: int, newest: _Newest) -> _Newest:
-    """The message that was the newest one at a moment; the first one where there was none yet."""
+    """Return the newest message at a moment; the first one if there was none yet."""
     known = past or (newest,)
     before = [item for item in known if acquired_ns(item.message, item.received_ns) <= moment_ns]
     return before[-1] if before else known[0]

@@ -1,4 +1,4 @@
-"""What the distribution provides; nothing heavy is imported to say so."""
+"""Declares the plugins of this distribution, without heavy imports."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from joshua.api import ModelSpec, PluginSpec, hookimpl
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the random-noise model."""
+    """Name the random-noise model."""
     return [
         ModelSpec(
             block="random_noise_config",

@@ -1,4 +1,4 @@
-"""Who runs first on a busy machine: the loop that plays the actions, before the model that computes them."""
+"""Thread priorities on a busy machine: the loop that plays the actions precedes the model."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-#: How much lower the threads of a model stand than the others of its node. Hardly, if the loop gets real-time
-#: priority: a thread that waits for a processor may hold the interpreter lock that the loop needs.
+#: How much lower the priority of a model's threads is than that of the others. Hardly, if the loop gets
+#: real-time priority: a thread that waits for a processor may hold the interpreter lock that the loop needs.
 NICER, NICER_THAN_REAL_TIME = 10, 1
 
 _TASKS = Path("/proc/self/task")
 
 
 def stand_back(threads: Iterable[int] = ()) -> None:
-    """Lowers threads of this process below the others, by default the present one; they start lower ones.
+    """Lower threads of this process, by default the present one; they start lower ones.
 
-    They compute in normal scheduling, whatever the thread that started them got from the system.
+    They compute in normal scheduling, whatever scheduling the thread that started them has.
     """
     if sys.platform != "linux":
         return
@@ -33,7 +33,7 @@ def stand_back(threads: Iterable[int] = ()) -> None:
 
 
 def nicer() -> int:
-    """How much lower the threads of a model stand here."""
+    """Return how much lower the priority of a model's threads is here."""
     import resource
 
     limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
@@ -42,7 +42,7 @@ def nicer() -> int:
 
 @contextmanager
 def threads_stand_back() -> Iterator[None]:
-    """Lowers what is started meanwhile: the pools in which libraries compute."""
+    """Lower threads that are started meanwhile: the pools in which libraries compute."""
     if threading.current_thread() is not threading.main_thread():
         stand_back()  # before it starts others
         yield

@@ -10,11 +10,11 @@ from joshua_inference.random_noise_settings import RandomNoiseSettings
 
 
 class RandomNoise(Model):
-    """Draws each joint's position uniformly about zero, clipped to the joint's limits; looks at nothing.
+    """Draws each joint's position uniformly about zero, clipped to its limits; ignores observations.
 
     Args:
         settings: seed and amplitude.
-        joints: the joints that are commanded.
+        joints: the commanded joints.
         features: not used.
     """
 
@@ -27,15 +27,15 @@ class RandomNoise(Model):
         self._generator: np.random.Generator | None = None
 
     def load(self) -> None:
-        """Seeds the generator."""
+        """Seed the generator."""
         self._generator = np.random.default_rng(self.settings.seed)
 
     def reset(self) -> None:
-        """Starts the sequence of actions again."""
+        """Restart the sequence of actions."""
         self.load()
 
     def act(self, observation: Observation) -> FloatArray:
-        """Draws one step of actions, shape (1, N)."""
+        """Draw one step of actions, shape (1, N)."""
         del observation
         if self._generator is None:
             raise ModelError("RandomNoise.act: the model is not loaded: call load first")
@@ -44,5 +44,5 @@ class RandomNoise(Model):
         return np.clip(noise, self.joints.position_min_rad, self.joints.position_max_rad)
 
     def close(self) -> None:
-        """Forgets the generator. Idempotent."""
+        """Free the generator. Idempotent."""
         self._generator = None

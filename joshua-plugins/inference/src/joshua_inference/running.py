@@ -1,4 +1,4 @@
-"""The model of a running system that a command means."""
+"""Find the model of a running system that a command addresses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def refused(command: str, error: CallError) -> ExitCode:
-    """Say why a model was not reached or does not obey. Returns the exit code."""
+    """Print why a model was not reached or refused. Returns the exit code."""
     lines = [f"joshua {command}: {error}"]
     lines += [f"  allowed: {', '.join(error.allowed)}"] if error.allowed else []
     sys.stderr.write("\n".join(lines) + "\n")

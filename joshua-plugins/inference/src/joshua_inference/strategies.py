@@ -12,7 +12,7 @@ from joshua.api.models import ChunkRequest, Execution
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Actions, shape (T, N), of the steps from ``first`` on; ``stamp_ns`` of the observation behind them."""
+    """Actions, shape (T, N), from the step ``first`` on; ``stamp_ns`` is that of their observation."""
 
     first: int
     actions: FloatArray
@@ -20,11 +20,11 @@ class Chunk:
 
     @property
     def end(self) -> int:
-        """The first step that it says nothing about."""
+        """First step after the chunk."""
         return self.first + len(self.actions)
 
     def at(self, step: int) -> FloatArray | None:
-        """The action of a step."""
+        """Return the action of a step; None outside the chunk."""
         return self.actions[step - self.first] if self.first <= step < self.end else None
 
 
@@ -42,28 +42,28 @@ class Strategy:
         self.chunk: Chunk | None = None
 
     def add(self, chunk: Chunk, step: int) -> None:
-        """Takes a chunk before ``step`` is due; one whose steps have all passed is dropped."""
+        """Add a chunk before ``step`` is due; one whose steps have all passed is dropped."""
         if chunk.end > step:
             self.chunk = chunk
 
     def due(self, step: int) -> FloatArray | None:
-        """The action of a step; None if no chunk has one."""
+        """Return the action of a step; None if no chunk has one."""
         return self.chunk.at(step) if self.chunk is not None else None
 
     def wants(self, step: int, delay: int) -> bool:
-        """Whether a chunk is to be predicted that arrives ``delay`` steps after its observation."""
+        """Return whether to predict a chunk that arrives ``delay`` steps after its observation."""
         if self.chunk is None:
             return True
         after = self.execution.steps_per_chunk or max(1, len(self.chunk.actions) // 2)
         return step >= min(self.chunk.first + after, self.chunk.end - delay)
 
     def request(self, first: int, delay: int) -> ChunkRequest | None:
-        """What a chunk whose observation belongs to the step ``first`` continues; None for nothing."""
+        """Return what a chunk observed at the step ``first`` must continue; None for nothing."""
         del first, delay  # for real-time chunking
         return None
 
     def clear(self) -> None:
-        """Forgets every chunk."""
+        """Drop every chunk."""
         self.chunk = None
 
 
@@ -75,12 +75,12 @@ class Ensemble(Strategy):
         self._chunks: deque[Chunk] = deque(maxlen=1000)
 
     def add(self, chunk: Chunk, step: int) -> None:
-        """Keeps it beside those that still have steps."""
+        """Add a chunk beside those that still have steps."""
         super().add(chunk, step)
         self._chunks = deque((own for own in (*self._chunks, chunk) if own.end > step), maxlen=1000)
 
     def due(self, step: int) -> FloatArray | None:
-        """The weighted mean: the oldest chunk weighs 1, the i-th after it exp(-coefficient · i)."""
+        """Return the weighted mean: the oldest chunk weighs 1, the i-th after it exp(-coefficient · i)."""
         rows = [row for row in (chunk.at(step) for chunk in self._chunks) if row is not None]
         if not rows:
             return None
@@ -89,11 +89,11 @@ class Ensemble(Strategy):
         return mean
 
     def wants(self, step: int, delay: int) -> bool:
-        """After each step, unless the file says another number."""
+        """Return True after each step, or after the number of steps in the file."""
         return self.chunk is None or step >= self.chunk.first + (self.execution.steps_per_chunk or 1)
 
     def clear(self) -> None:
-        """Forgets every chunk."""
+        """Drop every chunk."""
         super().clear()
         self._chunks.clear()
 
@@ -102,29 +102,29 @@ class RealTimeChunking(Strategy):
     """REAL_TIME_CHUNKING (Black, Galliker, Levine 2025): a chunk continues the one before it."""
 
     def request(self, first: int, delay: int) -> ChunkRequest | None:
-        """The actions planned from ``first`` on, of which ``delay`` are carried out in any case."""
+        """Return the actions planned from ``first`` on, of which ``delay`` are executed in any case."""
         chunk, execution = self.chunk, self.execution
         if chunk is None or chunk.at(first) is None:
             return None
         planned = chunk.actions[first - chunk.first :].copy()
         fixed = min(delay, len(planned))
-        # by default all that the observation leaves of the plan: H - s of the paper, s as it was carried out
+        # by default all that the observation leaves of the plan: H - s of the paper, s as it was executed
         overlap = min(max(execution.execution_horizon or len(planned), fixed), len(planned))
         schedule = execution.guidance_schedule.removeprefix("GUIDANCE_").lower()
         return ChunkRequest(planned, fixed, overlap, execution.max_guidance_weight, schedule)
 
 
 class Synchronous(Strategy):
-    """SYNCHRONOUS: the next chunk is predicted when one has been carried out, and begins when it arrives."""
+    """SYNCHRONOUS: the next chunk is predicted after one has been executed, and begins when it arrives."""
 
     on_arrival = True
 
     def wants(self, step: int, delay: int) -> bool:
-        """At the end of a chunk, or of the steps of it that the file wants."""
+        """Return True at the end of a chunk, or of the steps of it that the file executes."""
         return self.due(step) is None
 
     def add(self, chunk: Chunk, step: int) -> None:
-        """Keeps as many steps as the file wants."""
+        """Keep as many steps as the file executes."""
         count = self.execution.steps_per_chunk or len(chunk.actions)
         super().add(Chunk(chunk.first, chunk.actions[:count], chunk.stamp_ns), step)
 
@@ -138,13 +138,13 @@ STRATEGIES = {
 
 
 class Output:
-    """From the action that is due to the one that is published: ramps about a hold, and the speed limit.
+    """Turns the action that is due into the published one: ramps around a hold, and the speed limit.
 
     Args:
         period_s: of the publisher; execution: the length of the ramp, and the largest speed.
 
     Attributes:
-        last: what was published last; None before the first one, and after publishing has ended.
+        last: last published action; None before the first one, and after publishing has ended.
     """
 
     def __init__(self, period_s: float, execution: Execution) -> None:
@@ -153,7 +153,7 @@ class Output:
         self.forget()
 
     def forget(self) -> None:
-        """Begins again: the actuator itself approaches what is published next."""
+        """Start again: the actuator itself approaches the next published action."""
         self.last: FloatArray | None = None
         self._due: FloatArray | None = None
         self._velocity: FloatArray | float = 0.0
@@ -161,12 +161,12 @@ class Output:
         self._idle = self._back = self._length = 0
 
     def next(self, due: FloatArray | None, *, border: bool = False, keep: bool = True) -> FloatArray | None:
-        """What is published in this period.
+        """Return the action to publish in this period.
 
         Args:
-            due: None comes to rest over the length of the ramp.
-            border: it is the first of another chunk, from which no speed is told.
-            keep: a hold is published after the ramp; else nothing.
+            due: None stops over the length of the ramp.
+            border: it is the first action of another chunk, which gives no speed.
+            keep: publish a hold after the ramp; else nothing.
         """
         if due is None:
             self._due = None

@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Give the task; exit code 0, 1 if no system runs or the model refuses, 2 for a wrong command line."""
+    """Send the task; exit code 0, 1 if no system runs or the model refuses, 2 for a wrong command line."""
     from joshua.tools import CallError
 
     try:

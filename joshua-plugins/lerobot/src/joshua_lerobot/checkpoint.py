@@ -1,4 +1,4 @@
-"""A checkpoint of a policy as its files describe it: read without torch, and nothing of it is executed."""
+"""Read a policy's checkpoint from its files, without torch and without executing any of it."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ POSTPROCESSOR = "policy_postprocessor.json"
 #: The ``meta/info.json`` of the data set that a policy was trained on, kept beside its weights.
 DATASET = "dataset.json"
 
-#: Files that are unpickled when they are loaded, which executes what they contain.
+#: Files that are unpickled when they are loaded, which executes their content.
 PICKLES = (".bin", ".pt", ".pth", ".ckpt", ".pkl", ".pickle")
 
 #: Where LeRobot's training puts a checkpoint below the folder that it writes.
 _BELOW = ("pretrained_model", "checkpoints/last/pretrained_model", "last/pretrained_model")
 
-#: Statistics that each way of normalisation needs.
+#: Statistics that each kind of normalisation requires.
 NORMALISED_BY = {
     "MEAN_STD": ("mean", "std"),
     "MIN_MAX": ("min", "max"),
@@ -65,15 +65,15 @@ class PolicyFeature:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """What the files of a checkpoint say.
+    """Description of a checkpoint, from its files.
 
     Attributes:
-        folder: that holds the files; type: of the policy, such as ``act``; config: of config.json.
+        folder: of the files; type: of the policy, such as ``act``; config: of config.json.
         inputs, outputs: features of the policy.
         statistics: of each feature by name, such as ``mean``, flattened.
-        norms: how each feature is normalised, such as ``MEAN_STD``; "" if nothing says so.
-        dataset: features of the data set that it was trained on, in its units; None if nothing is known.
-        fps: frames per second of that data set; 0 if nothing is known.
+        norms: how each feature is normalised, such as ``MEAN_STD``; "" if unknown.
+        dataset: features of the data set that it was trained on, in its units; None if unknown.
+        fps: frames per second of that data set; 0 if unknown.
     """
 
     folder: Path
@@ -88,15 +88,15 @@ class Checkpoint:
 
     @property
     def cameras(self) -> tuple[PolicyFeature, ...]:
-        """Its pictures."""
+        """Camera inputs of the policy."""
         return tuple(item for item in self.inputs if item.kind == "VISUAL")
 
     def size(self, key: str) -> int:
-        """Length of the state or the action; 0 if it has none."""
+        """Return the length of the state or the action; 0 if it has none."""
         return next((item.shape[0] for item in (*self.inputs, *self.outputs) if item.key == key), 0)
 
     def described(self, key: str) -> tuple[tuple[str, ...], str]:
-        """Names of the joints of a feature, without ``.pos``, and their unit; () and "" if unknown."""
+        """Return the joint names of a feature, without ``.pos``, and their unit; () and "" if unknown."""
         feature = self.dataset.get(key) if self.dataset is not None else None
         if feature is None:
             return (), ""
@@ -104,13 +104,13 @@ class Checkpoint:
 
 
 def read_checkpoint(folder: Path, *, weights: str = WEIGHTS) -> Checkpoint:
-    """Reads a checkpoint.
+    """Read a checkpoint.
 
     Args:
-        folder: that holds it; weights: name of the file that must be there whole.
+        folder: of the checkpoint; weights: name of the file that must be complete.
 
     Raises:
-        CheckpointError: it cannot be used; nothing of it was executed.
+        CheckpointError: it cannot be used; none of it was executed.
     """
     config = _config(folder)
     inputs, outputs = (_features(folder, config, side) for side in ("input_features", "output_features"))
@@ -123,7 +123,7 @@ def read_checkpoint(folder: Path, *, weights: str = WEIGHTS) -> Checkpoint:
 
 
 def check_weights(folder: Path) -> None:
-    """Raises CheckpointError for weights that are missing, torn or pickled."""
+    """Raise CheckpointError for weights that are missing, truncated or pickled."""
     path = folder / WEIGHTS
     if not path.is_file():
         pickles = sorted(item.name for item in folder.iterdir() if item.suffix in PICKLES)
@@ -135,7 +135,7 @@ def check_weights(folder: Path) -> None:
         )
     try:
         if not entries(path):
-            raise TornFileError(f"{path} holds no weights")
+            raise TornFileError(f"{path} contains no weights")
     except TornFileError as error:
         raise CheckpointError(str(error), "Copy or download the checkpoint again") from error
     except OSError as error:
@@ -143,7 +143,7 @@ def check_weights(folder: Path) -> None:
 
 
 def pickled(place: Path | str, name: str) -> CheckpointError:
-    """The refusal of weights that are pickled."""
+    """Return the error for pickled weights."""
     return CheckpointError(
         f"{place} has its weights in {name}, a pickle, which executes what it contains when it is loaded; "
         f"only {WEIGHTS} is loaded",
@@ -153,7 +153,7 @@ def pickled(place: Path | str, name: str) -> CheckpointError:
 
 
 def check_processors(folder: Path) -> None:
-    """Raises CheckpointError for processors that are missing, or that name code outside of LeRobot."""
+    """Raise CheckpointError for processors that are missing, or that name code outside of LeRobot."""
     for name in (PREPROCESSOR, POSTPROCESSOR):
         if not (folder / name).is_file():
             raise CheckpointError(
@@ -192,7 +192,7 @@ def _check_state(folder: Path, name: str) -> None:
 
 def _config(folder: Path) -> dict[str, Any]:
     if not folder.is_dir():
-        what = "is a file, and a checkpoint is a folder" if folder.exists() else "does not exist"
+        what = "is a file, but a checkpoint is a folder" if folder.exists() else "does not exist"
         raise CheckpointError(f"{folder} {what}", f"Name the folder that holds {CONFIG} and {WEIGHTS}")
     path = folder / CONFIG
     if not path.is_file():
@@ -207,7 +207,7 @@ def _config(folder: Path) -> dict[str, Any]:
         )
     config = _json(path)
     if not isinstance(config.get("type"), str):
-        kind = "a model of transformers" if "architectures" in config else "no policy of LeRobot"
+        kind = "a model of transformers" if "architectures" in config else "not a policy of LeRobot"
         raise CheckpointError(
             f"{path} names no type of policy: it describes {kind}", "Name a checkpoint that LeRobot wrote"
         )
@@ -223,7 +223,7 @@ def _features(folder: Path, config: Mapping[str, Any], side: str) -> tuple[Polic
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise CheckpointError(
-            f"{folder / CONFIG}: {side} is no description of features", "Save the checkpoint again"
+            f"{folder / CONFIG}: {side} is not a description of features", "Save the checkpoint again"
         ) from error
 
 
@@ -234,10 +234,10 @@ def _json(path: Path) -> dict[str, Any]:
         raise CheckpointError(f"{path} cannot be read: {error.strerror}", "Change its permissions") from error
     except ValueError as error:
         raise CheckpointError(
-            f"{path} is no JSON: {error}", "Copy or download the checkpoint again"
+            f"{path} is not JSON: {error}", "Copy or download the checkpoint again"
         ) from error
     if not isinstance(content, dict):
-        raise CheckpointError(f"{path} is no JSON object", "Copy or download the checkpoint again")
+        raise CheckpointError(f"{path} is not a JSON object", "Copy or download the checkpoint again")
     return content
 
 
@@ -248,7 +248,7 @@ def _steps(path: Path) -> Iterator[Mapping[str, Any]]:
 
 
 def _statistics(folder: Path) -> tuple[dict[str, dict[str, tuple[float, ...]]], dict[str, str]]:
-    """Statistics and ways of normalisation, as the processors have them."""
+    """Return the statistics and kinds of normalisation of the processors."""
     found: dict[str, dict[str, tuple[float, ...]]] = {}
     norms: dict[str, str] = {}
     for name in (PREPROCESSOR, POSTPROCESSOR):
@@ -270,19 +270,19 @@ def _statistics(folder: Path) -> tuple[dict[str, dict[str, tuple[float, ...]]], 
 
 
 def _dataset(folder: Path) -> tuple[FeatureSet | None, float]:
-    """The data set that it was trained on: beside the weights, else where LeRobot's training says it was."""
+    """Return the training data set: beside the weights, else where LeRobot's training says it was."""
     info = _json(folder / DATASET) if (folder / DATASET).is_file() else _trained_on(folder)
     try:
         return (FeatureSet.from_lerobot(info["features"]) if info else None), float(info.get("fps") or 0)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise CheckpointError(
-            f"{folder / DATASET} describes no data set: {error}",
+            f"{folder / DATASET} does not describe a data set: {error}",
             "Copy meta/info.json of the data set there, or remove the file",
         ) from error
 
 
 def _trained_on(folder: Path) -> dict[str, Any]:
-    """``meta/info.json`` of the data set that ``train_config.json`` names, where it is on this machine."""
+    """Return ``meta/info.json`` of the data set in ``train_config.json``, if it is on this machine."""
     try:
         named = json.loads((folder / "train_config.json").read_text(encoding="utf-8"))["dataset"]
         home = os.environ.get("HF_LEROBOT_HOME") or "~/.cache/huggingface/lerobot"
@@ -294,7 +294,7 @@ def _trained_on(folder: Path) -> dict[str, Any]:
 
 
 def extent(checkpoint: Checkpoint) -> float:
-    """Largest position of a joint in the statistics of state and action; 0 if there are none."""
+    """Return the largest position of a joint in the statistics of state and action; 0 if there are none."""
     found = [0.0]
     for key in (STATE, ACTION):
         values = checkpoint.statistics.get(key, {})

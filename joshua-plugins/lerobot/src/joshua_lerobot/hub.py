@@ -1,7 +1,7 @@
 """Checkpoints of the Hugging Face hub: found on this machine by their path, fetched by the hub's client.
 
-The token comes from the environment (``HF_TOKEN``) or from the file that ``hf auth login`` writes; it is
-read by the client and never seen here.
+The token comes from the environment (``HF_TOKEN``) or from the file that ``hf auth login`` writes; only
+the client reads it.
 """
 
 from __future__ import annotations
@@ -12,21 +12,21 @@ from pathlib import Path
 
 from joshua_lerobot.checkpoint import CONFIG, PICKLES, WEIGHTS, Checkpoint, CheckpointError, pickled
 
-#: All that is ever downloaded: no pickle, no code.
+#: The only files that are downloaded: no pickle, no code.
 PATTERNS = ("*.json", "*.safetensors", "*.onnx", "*.txt", "*.model", "*.jinja")
 
-#: What SmolVLA takes of its language model; the weights are in the checkpoint.
+#: Files that SmolVLA uses from its language model; the weights are in the checkpoint.
 LANGUAGE_MODEL = ("*.json", "*.txt", "*.model", "*.jinja")
 
 
 def is_hub_id(weights: str) -> bool:
-    """Whether a name that is no folder of this machine can be one of the hub: ``owner/name``."""
+    """Return whether a name that is not a local folder can be a hub id: ``owner/name``."""
     owner, slash, name = weights.partition("/")
     return bool(slash and owner and name) and "/" not in name and not weights.startswith((".", "/", "~"))
 
 
 def cached(name: str, revision: str = "") -> Path | None:
-    """The folder of a checkpoint that was downloaded before; None if there is none."""
+    """Return the folder of a checkpoint that was downloaded before; None if there is none."""
     home = os.environ.get("HF_HOME") or os.path.join(  # noqa: PTH118
         os.environ.get("XDG_CACHE_HOME") or "~/.cache", "huggingface"
     )
@@ -41,10 +41,10 @@ def cached(name: str, revision: str = "") -> Path | None:
 
 
 def fetch(name: str, revision: str = "") -> Path:
-    """Downloads what is missing of a checkpoint, and returns its folder.
+    """Download the missing files of a checkpoint, and return its folder.
 
     Raises:
-        CheckpointError: it cannot be had, or its weights are pickled.
+        CheckpointError: it cannot be downloaded, or its weights are pickled.
     """
     folder = _download(name, revision, PATTERNS)
     if not (folder / WEIGHTS).is_file():
@@ -70,10 +70,10 @@ def _download(name: str, revision: str, patterns: tuple[str, ...]) -> Path:
 
 
 def fetch_language_model(checkpoint: Checkpoint) -> None:
-    """Downloads description and tokenizer of the language model that a checkpoint names, if it is on the hub.
+    """Download description and tokenizer of the language model that a checkpoint names, if it is on the hub.
 
     Raises:
-        CheckpointError: they cannot be had.
+        CheckpointError: they cannot be downloaded.
     """
     name = str(checkpoint.config.get("vlm_model_name") or "")
     if is_hub_id(name) and not (checkpoint.folder / name).exists():
@@ -81,20 +81,20 @@ def fetch_language_model(checkpoint: Checkpoint) -> None:
 
 
 def _look_for_pickles(name: str, revision: str) -> None:
-    """Raises CheckpointError if the weights on the hub are pickled: they were not downloaded."""
+    """Raise CheckpointError if the weights on the hub are pickled: they were not downloaded."""
     from huggingface_hub import HfApi
 
     try:
         described = HfApi().model_info(name, revision=revision or None)
         files = [item.rfilename for item in described.siblings or ()]
-    except Exception:  # noqa: BLE001 - the weights are missing either way, and whoever reads the folder says so
+    except Exception:  # noqa: BLE001 - the weights are missing either way, which reading the folder reports
         return
     if found := sorted(file for file in files if Path(file).suffix in PICKLES):
         raise pickled(f"{name} on the hub", found[0])
 
 
 def _refused(name: str, revision: str, error: Exception) -> CheckpointError:
-    """What to do about an error of the client, judged by its name and the status of the hub's answer."""
+    """Return what to do about an error of the client, from its name and the status of the hub's reply."""
     names = {kind.__name__ for kind in type(error).__mro__}
     cause: BaseException | None = error
     status = 0

@@ -1,4 +1,4 @@
-"""From the files of a checkpoint to a policy that computes; torch and LeRobot are imported here only."""
+"""Load a policy from the files of a checkpoint; only this module imports torch and LeRobot."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class LoadedPolicy:
 
     Attributes:
         policy: LeRobot's; before, after: the processors; device: torch's.
-        dtype: of half precision, None for float32.
+        dtype: half precision, None for float32.
     """
 
     policy: Any
@@ -34,7 +34,7 @@ class LoadedPolicy:
     dtype: Any = None
 
     def precision(self) -> AbstractContextManager[Any]:
-        """What the policy computes in."""
+        """Return the context for the policy's precision."""
         import torch
 
         return torch.autocast(self.device.type, self.dtype) if self.dtype is not None else nullcontext()
@@ -47,7 +47,7 @@ class LibraryMissing(ModelError):
 
 
 def require(module: str, what: str) -> Any:
-    """Imports a module. Raises LibraryMissing with the remedy."""
+    """Import a module. Raises LibraryMissing with the remedy."""
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
@@ -62,7 +62,7 @@ def require(module: str, what: str) -> Any:
 
 
 def choose_device(wanted: str) -> Any:
-    """Torch's device for one of the file. Raises ModelError for one that is not there."""
+    """Return torch's device for the device of the file. Raises ModelError if it does not exist."""
     torch = require("torch", "A policy")
     there = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available(), "cpu": True}
     if wanted == "auto":
@@ -82,7 +82,7 @@ def choose_device(wanted: str) -> Any:
 
 
 def prepare(compute: Compute) -> Any:
-    """Sets threads and chooses the device. Raises ModelError."""
+    """Set threads and choose the device. Raises ModelError."""
     torch = require("torch", "A policy")
     if compute.threads:
         torch.set_num_threads(compute.threads)
@@ -90,7 +90,7 @@ def prepare(compute: Compute) -> Any:
 
 
 def load_policy(checkpoint: Checkpoint, settings: PolicySettings) -> LoadedPolicy:
-    """Loads a policy and its processors.
+    """Load a policy and its processors.
 
     Raises:
         ModelError: a library, a device or a part of the checkpoint is missing or does not fit.
@@ -116,7 +116,7 @@ def load_policy(checkpoint: Checkpoint, settings: PolicySettings) -> LoadedPolic
 
 
 def out_of_memory(device: Any) -> ModelError:
-    """What to do without enough memory."""
+    """Return what to do without enough memory."""
     return ModelError(
         f'The memory of {device} does not suffice for the policy. Set compute {{ precision: "bfloat16" }}, '
         "which "
@@ -172,7 +172,7 @@ def _config(checkpoint: Checkpoint, settings: PolicySettings, device: Any) -> An
 
 
 def inner_folder(checkpoint: Checkpoint) -> Path | None:
-    """The folder of the language model's description inside the checkpoint; None if it is elsewhere."""
+    """Return the folder of the language model's description in the checkpoint; None if it is elsewhere."""
     name = str(checkpoint.config.get("vlm_model_name") or "")
     place = checkpoint.folder / name
     return place if name and not Path(name).is_absolute() and (place / "config.json").is_file() else None
@@ -194,7 +194,7 @@ def _policy(checkpoint: Checkpoint, config: Any, device: Any) -> Any:
             f"{what} needs {error.name}, which is not installed for {sys.executable}: pip install "
             f"{error.name}"
         ) from error
-    except OSError as error:  # transformers: a part of the language model is not there
+    except OSError as error:  # transformers: a part of the language model is missing
         raise _without_language_model(checkpoint, error) from error
     except (ImportError, ValueError, TypeError, RuntimeError, AssertionError) as error:
         raise ModelError(

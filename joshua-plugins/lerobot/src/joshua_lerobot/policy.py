@@ -24,16 +24,16 @@ _LOG = logging.getLogger(__name__)
 
 _NS_PER_S = 1_000_000_000
 
-#: Distance of two observations, in periods, up to which one is the predecessor of the other.
+#: Largest interval between consecutive observations, in periods.
 _SUCCESSIVE = 1.5
 
 
 class LeRobotModel(Model):
     """Runs a policy with the processors of its checkpoint.
 
-    Policies that look back (Diffusion, VQ-BeT) see the observations of the periods before, the first one of
-    an episode in place of those before it, as with LeRobot. Those that plan (TDMPC) go on from their last
-    plan where requests follow one another at the rate of the actions.
+    Policies that look back (Diffusion, VQ-BeT) see the observations of earlier periods; the first one of an
+    episode stands for those before it, as with LeRobot. Those that plan (TDMPC) continue their last plan if
+    requests follow one another at the rate of the actions.
     """
 
     settings: PolicySettings
@@ -49,7 +49,7 @@ class LeRobotModel(Model):
         self._last_ns = 0
 
     def load(self) -> None:
-        """Fetches and loads the policy. Raises ModelError."""
+        """Fetch and load the policy. Raises ModelError."""
         self._checkpoint, self._unit = open_checkpoint(self.settings)
         self._loaded = load_policy(self._checkpoint, self.settings)
         if lacking := without_statistics(self._checkpoint):
@@ -71,7 +71,7 @@ class LeRobotModel(Model):
         return needs_of(self.settings, self._checkpoint)
 
     def reset(self) -> None:
-        """Forgets the episode so far; the same seed draws the same noise again."""
+        """Forget the episode so far; the same seed draws the same noise again."""
         loaded = self._ready()
         loaded.policy.reset()
         self._last_ns = 0
@@ -89,7 +89,7 @@ class LeRobotModel(Model):
         return self._guarded(lambda loaded, kind: self._continued(loaded, observation, request))
 
     def close(self) -> None:
-        """Frees the policy. Idempotent."""
+        """Free the policy. Idempotent."""
         loaded, self._loaded = self._loaded, None
         if loaded is not None and loaded.device.type == "cuda":
             import torch
@@ -114,7 +114,7 @@ class LeRobotModel(Model):
         return self._loaded
 
     def _chunk(self, loaded: LoadedPolicy, kind: str, observation: Observation) -> Any:
-        """A chunk in the policy's own scale, shape (1, T, N)."""
+        """Return a chunk in the policy's own scale, shape (1, T, N)."""
         batch = loaded.before(self._batch(observation))
         if kind in PREDICTS_CHUNKS:
             return loaded.policy.predict_action_chunk(batch)[:, : self._steps()]
@@ -152,7 +152,7 @@ class LeRobotModel(Model):
         return chunk
 
     def _batch(self, observation: Observation) -> dict[str, Any]:
-        """An observation as LeRobot's processors take it: pictures (1, C, H, W) in [0, 1], numbers (1, N)."""
+        """Convert an observation for LeRobot's processors: pictures (1, C, H, W), 0 to 1, numbers (1, N)."""
         import torch
 
         assert self._checkpoint is not None
@@ -180,13 +180,13 @@ class LeRobotModel(Model):
         return self.units.radians(values.reshape(-1, values.shape[-1]), self._unit)
 
     def _steps(self) -> int | None:
-        """How many actions of a chunk are handed on; None for all."""
+        """Return how many actions of a chunk are used; None for all."""
         assert self._checkpoint is not None
         kept = self.settings.actions_per_chunk or int(self._checkpoint.config.get("n_action_steps") or 0)
         return kept or None
 
     def _follows(self, observation: Observation) -> bool:
-        """Whether an observation is the one after the last."""
+        """Return whether an observation directly follows the last one."""
         period_ns = _NS_PER_S / (self.settings.rate_hz or 1.0)
         follows = 0 < observation.stamp_ns - self._last_ns < _SUCCESSIVE * period_ns
         self._last_ns = observation.stamp_ns
@@ -194,7 +194,7 @@ class LeRobotModel(Model):
 
 
 class ArmUnits:
-    """The joints that a model commands, in radians and in the units of a checkpoint, shape (…, N)."""
+    """Joints that a model commands, in radians and in the units of a checkpoint, shape (…, N)."""
 
     def __init__(self, joints: JointSpace) -> None:
         ends = zip(joints.names, joints.position_min_rad, joints.position_max_rad, strict=True)
@@ -203,21 +203,21 @@ class ArmUnits:
         self._ranges = ranges
 
     def given(self, position_rad: npt.ArrayLike, unit: Unit) -> FloatArray:
-        """Positions as the policy gets them."""
+        """Convert positions to the units of the policy."""
         position = np.asarray(position_rad, np.float64)
         if unit is Unit.RADIANS:
             return position
         return JointUnits.from_ranges(self._ranges).from_radians(position, unit)
 
     def radians(self, values: FloatArray, unit: Unit) -> FloatArray:
-        """Positions that a policy gives."""
+        """Convert positions of the policy to radians."""
         if unit is Unit.RADIANS:
             return values
         return JointUnits.from_ranges(self._ranges).to_radians(values, unit)
 
 
 def open_checkpoint(settings: PolicySettings) -> tuple[Checkpoint, Unit]:
-    """Fetches and reads a checkpoint. Raises ModelError."""
+    """Fetch and read a checkpoint. Raises ModelError."""
     try:
         folder = Path(settings.weights)
         if not folder.exists() and is_hub_id(settings.weights):
@@ -231,7 +231,7 @@ def open_checkpoint(settings: PolicySettings) -> tuple[Checkpoint, Unit]:
 
 
 def needs_of(settings: PolicySettings, checkpoint: Checkpoint | None) -> ModelNeeds:
-    """What a model needs, by the files that were loaded. Raises ModelError."""
+    """Return what a model needs, from the files that were loaded. Raises ModelError."""
     if checkpoint is None:
         return settings.needs()
     try:
@@ -241,13 +241,13 @@ def needs_of(settings: PolicySettings, checkpoint: Checkpoint | None) -> ModelNe
 
 
 def _shown(policy: Any, batch: dict[str, Any]) -> None:
-    """Lets a policy with queues remember an observation; an action that waits keeps it from predicting."""
+    """Add an observation to a policy with queues; a waiting action keeps it from predicting."""
     policy._queues["action"].append(None)
     policy.select_action(batch)
 
 
 def _drained(policy: Any, batch: dict[str, Any]) -> Any:
-    """All actions that a policy with a queue of its own makes of one observation, shape (1, T, N)."""
+    """Return all actions that a policy with its own queue makes from one observation, shape (1, T, N)."""
     import torch
 
     actions = [policy.select_action(batch)]
@@ -258,7 +258,7 @@ def _drained(policy: Any, batch: dict[str, Any]) -> Any:
 
 
 def _normalised(before: Any, actions: Any) -> Any:
-    """Actions of the data set's scale in the policy's own, by the checkpoint's normaliser."""
+    """Convert actions from the data set's scale to the policy's own with the checkpoint's normaliser."""
     from lerobot.processor import NormalizerProcessorStep, TransitionKey
     from lerobot.processor.converters import create_transition
 

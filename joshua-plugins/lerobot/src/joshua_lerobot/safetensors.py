@@ -1,4 +1,4 @@
-"""Reads what a file of weights says of itself, and small tables of it, without torch and without numpy."""
+"""Read the header and small tables of a weights file, without torch and without numpy."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _FORMATS = {"F64": "d", "F32": "f", "F16": "e", "I64": "q", "I32": "i", "I16": "
 
 
 class TornFileError(Exception):
-    """A file is no safetensors file, or a part of it is missing. The message says which."""
+    """A file is not a safetensors file, or a part of it is missing. The message says which."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One tensor of a file: its type such as ``F32``, its shape, and where its bytes stand."""
+    """One tensor of a file: its type such as ``F32``, its shape, and the position of its bytes."""
 
     dtype: str
     shape: tuple[int, ...]
@@ -30,35 +30,35 @@ class Entry:
 
 
 def entries(path: Path) -> dict[str, Entry]:
-    """The tensors of a file by name, after checking that the file is whole.
+    """Return the tensors of a file by name, after checking that the file is complete.
 
     Raises:
-        TornFileError: it is not.
+        TornFileError: it is not complete.
         OSError: it cannot be read.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
         length = int.from_bytes(file.read(8), "little")
         if size < 8 or not 2 <= length <= min(size - 8, _LARGEST_HEADER_B):
-            raise TornFileError(f"{path} is no safetensors file: its header is missing or cut off")
+            raise TornFileError(f"{path} is not a safetensors file: its header is missing or cut off")
         try:
             header = json.loads(file.read(length))
             found = {
                 name: _entry(values, 8 + length) for name, values in header.items() if name != "__metadata__"
             }
         except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise TornFileError(f"{path} is no safetensors file: its header cannot be read") from error
+            raise TornFileError(f"{path} is not a safetensors file: its header cannot be read") from error
     needed = max((entry.end for entry in found.values()), default=8 + length)
     if needed != size:
         raise TornFileError(
-            f"{path} has {size} bytes, and its header describes {needed}: the file was not copied or "
+            f"{path} has {size} bytes, but its header describes {needed}: the file was not copied or "
             "downloaded to its end"
         )
     return found
 
 
 def table(path: Path) -> dict[str, tuple[float, ...]]:
-    """All numbers of a small file by name, flattened. Raises TornFileError, OSError."""
+    """Return all numbers of a small file by name, flattened. Raises TornFileError, OSError."""
     return {name: _numbers(path, entry) for name, entry in entries(path).items() if entry.dtype in _FORMATS}
 
 

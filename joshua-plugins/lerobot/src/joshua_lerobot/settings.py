@@ -1,4 +1,4 @@
-"""Settings of policies, and what a policy needs of the robot: from its block and its files, without torch."""
+"""Settings of policies, and what a policy requires of the robot, from its block and files, without torch."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ UNITS = {"UNIT_AUTO": "", "UNIT_LEROBOT": "lerobot", "UNIT_DEGREES": "deg", "UNI
 #: Names of the units in a file.
 UNIT_NAMES = {unit: name for name, unit in UNITS.items()}
 
-#: Policies that scale their pictures themselves, so that any size will do.
+#: Policies that scale their pictures themselves, and so accept any size.
 RESIZES = frozenset({"smolvla", "pi0", "pi05", "pi0_fast", "groot", "xvla", "wall_x"})
 
-#: Policies that leave out a camera that is not there.
+#: Policies that work without a missing camera.
 SPARES_CAMERAS = frozenset({"smolvla", "pi0", "pi05", "pi0_fast"})
 
-#: Policies that are told what to do in plain words.
+#: Policies that take a task in plain words.
 READS_TASK = frozenset({"smolvla", "pi0", "pi05", "pi0_fast", "groot", "xvla", "wall_x"})
 
 #: Policies whose chunks can continue others: flow policies with LeRobot's own real-time chunking.
@@ -47,7 +47,7 @@ DENOISING = {
     "xvla": "num_denoising_steps",
 }
 
-#: What policies import beside PyTorch and LeRobot.
+#: Libraries that policies import beside PyTorch and LeRobot.
 LIBRARIES: dict[str, tuple[str, ...]] = {
     "smolvla": ("transformers", "num2words"),
     "pi0": ("transformers",),
@@ -62,7 +62,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
 #: Extras of LeRobot for policies that need more than the tested environment has.
 EXTRAS = {"pi0": "pi", "pi05": "pi", "pi0_fast": "pi", "groot": "groot", "xvla": "xvla", "wall_x": "wallx"}
 
-#: Side of what SmolVLM makes one token of: four by four patches of 16 pixels.
+#: Side of the square that becomes one token of SmolVLM: four by four patches of 16 pixels.
 _PICTURE_STEP = 64
 
 #: Largest position of a joint in radians: one turn.
@@ -70,7 +70,7 @@ _TURN_RAD = 6.2832
 
 
 def environment() -> str:
-    """The remedy for a library that is missing: how to get what runs policies, and how to use it."""
+    """Return the remedy for a missing library: how to make and use the environment for policies."""
     command = install("joshua-lerobot", "policies")
     root, in_clone, _ = command.partition("run --with")
     command = f"{root}tools/policies.sh policies" if in_clone else command
@@ -82,7 +82,7 @@ def environment() -> str:
 
 
 def more_for(kind: str) -> str:
-    """The command that installs what a type of policy needs beside PyTorch and LeRobot."""
+    """Return the command that installs what a type of policy requires beside PyTorch and LeRobot."""
     return f"python -m pip install 'lerobot[{EXTRAS[kind]}]'" if kind in EXTRAS else ""
 
 
@@ -92,10 +92,10 @@ class PolicySettings(ModelSettings):
     Attributes:
         revision: of a checkpoint on the hub, "" for the newest.
         unit: of the joints in the checkpoint, "" for what its files say.
-        absent_cameras: that the checkpoint knows and the robot does not have.
+        absent_cameras: cameras of the checkpoint that the robot does not have.
         actions_per_chunk: kept of each chunk; 0 for as many as the checkpoint says.
-        denoising_steps, picture_size: in place of the checkpoint's; 0 leaves them.
-        compile: by torch.compile.
+        denoising_steps, picture_size: replace the checkpoint's; 0 keeps them.
+        compile: whether to use torch.compile.
     """
 
     #: The one type of policy that they are for, "" for any; and the prefix of their fields in the file.
@@ -131,7 +131,7 @@ class PolicySettings(ModelSettings):
             )
         if self.revision and not is_hub_id(self.weights):
             raise self._error(
-                "revision", "revision has an effect on a checkpoint of the hub only", "Remove it"
+                "revision", "revision has an effect only on a checkpoint of the hub", "Remove it"
             )
         return self
 
@@ -147,22 +147,22 @@ class PolicySettings(ModelSettings):
         try:
             return self.needs_of(self.read(folder))
         except CheckpointError as error:
-            if on_hub:  # what is there may be half of a download; the node fetches the rest and asks again
+            if on_hub:  # the files may be half of a download; the node fetches the rest and checks again
                 return self.unknown_needs()
             raise FieldError("", error.message, remedy=error.remedy) from error
 
     def read(self, folder: Path) -> Checkpoint:
-        """Reads the files of the checkpoint. Raises CheckpointError."""
+        """Read the files of the checkpoint. Raises CheckpointError."""
         return read_checkpoint(folder)
 
     def imports(self, kind: str) -> dict[str, Any]:
-        """The libraries that a policy of a type runs on, and how to get them, as ``ModelNeeds`` says it."""
+        """Return the libraries of a type of policy, and how to get them, as fields of ``ModelNeeds``."""
         more = f". Add what policies of this type need: {more_for(kind)}" if kind in EXTRAS else ""
         libraries = ("torch", "lerobot", *LIBRARIES.get(kind, ()))
         return {"libraries": libraries, "install": f"{environment()}{more}"}
 
     def unknown_needs(self) -> ModelNeeds:
-        """What is known without the files of the checkpoint."""
+        """Return what is known without the files of the checkpoint."""
         return ModelNeeds(
             reads_state=True,
             reads_task=self.kind in READS_TASK,
@@ -171,7 +171,7 @@ class PolicySettings(ModelSettings):
         )
 
     def needs_of(self, checkpoint: Checkpoint) -> ModelNeeds:
-        """What a checkpoint needs. Raises FieldError for settings that do not fit it."""
+        """Return what a checkpoint needs. Raises FieldError for settings that do not fit it."""
         kind, source = checkpoint.type, str(checkpoint.folder / "config.json")
         if self.kind and kind != self.kind:
             raise FieldError(
@@ -210,10 +210,10 @@ class PolicySettings(ModelSettings):
         )
 
     def unit_of(self, checkpoint: Checkpoint) -> str:
-        """Unit of the joints in a checkpoint. Raises FieldError if the file says another one.
+        """Return the unit of the joints in a checkpoint. Raises FieldError if the file says another one.
 
-        What its data set says; else radians for networks trained here and where the statistics stay within a
-        turn, else LeRobot's.
+        This is the unit of its data set. Without one, it is radians for networks trained here and if the
+        statistics stay within a turn, else LeRobot's.
         """
         said = checkpoint.described(STATE)[1] or checkpoint.described(ACTION)[1]
         reach = extent(checkpoint)
@@ -243,7 +243,7 @@ class PolicySettings(ModelSettings):
                 known = ", ".join(cameras) or "none"
                 raise self._error(
                     "absent_cameras",
-                    f"{key} is no camera of {checkpoint.folder}, which knows {known}",
+                    f"{key} is not a camera of {checkpoint.folder}, which has {known}",
                     "Correct it",
                 )
         if self.absent_cameras and kind not in SPARES_CAMERAS:
@@ -290,14 +290,14 @@ def _joints(checkpoint: Checkpoint, key: str, size: int, unit: str) -> Feature:
 
 
 def _range(checkpoint: Checkpoint, key: str) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
-    """Least and greatest positions in training, where the statistics say them."""
+    """Return the smallest and largest positions in training, if the statistics contain them."""
     values = checkpoint.statistics.get(key, {})
     low, high = values.get("min") or values.get("q01"), values.get("max") or values.get("q99")
     return (low, high) if low and high and len(low) == len(high) == checkpoint.size(key) else None
 
 
 def _check_statistics(checkpoint: Checkpoint) -> None:
-    """Raises FieldError for statistics that do not fit the features."""
+    """Raise FieldError for statistics that do not fit the features."""
     for item in (*checkpoint.inputs, *checkpoint.outputs):
         values = checkpoint.statistics.get(item.key, {})
         for name in NORMALISED_BY.get(checkpoint.norms.get(item.key, ""), ()):
@@ -313,7 +313,7 @@ def _check_statistics(checkpoint: Checkpoint) -> None:
 
 
 def without_statistics(checkpoint: Checkpoint) -> list[str]:
-    """Features that the policy normalises and has no statistics of: what it sees or does is then off."""
+    """Return the features that the policy normalises without statistics: their values are then wrong."""
     return [
         item.key
         for item in (*checkpoint.inputs, *checkpoint.outputs)

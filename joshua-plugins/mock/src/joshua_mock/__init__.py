@@ -1,1 +1,1 @@
-"""The mock devices: virtual motors, camera, encoder and laser scanner that need no hardware."""
+"""Mock devices that need no hardware: virtual motors, camera, encoder and laser scanner."""

@@ -18,16 +18,16 @@ VELOCITY_MAX_RAD_S = 4.7
 
 
 class MockActuator(Actuator):
-    """A group of virtual motors of 4096 ticks a turn, zero in the middle.
+    """A group of virtual motors with 4096 ticks per turn and zero in the middle.
 
-    With torque a joint follows its goal as a first-order system: its speed is the remaining way divided by
-    the time constant, at most ``VELOCITY_MAX_RAD_S``. Without torque it stays where it is, or follows the
-    configured motion of its own, as an arm does that a person moves. Readings are whole ticks. Effort
-    is the fraction of stall torque that drives the motion: 0 at rest, ±1 at full speed.
+    With torque a joint follows its goal as a first-order system: its speed is the remaining distance
+    divided by the time constant, at most ``VELOCITY_MAX_RAD_S``. Without torque it stays where it is, or
+    follows its configured motion, like an arm that a person moves. Readings are whole ticks. Effort is the
+    fraction of stall torque that drives the motion: 0 at rest, ±1 at full speed.
 
     Args:
         settings: the motors.
-        context: of the node that drives it.
+        context: of its node.
     """
 
     settings: MockMotorSettings
@@ -48,7 +48,7 @@ class MockActuator(Actuator):
         return self._connected
 
     def connect(self) -> None:
-        """Places the joints in the middle of their range. Raises DeviceError for a bad motion file."""
+        """Place the joints in the middle of their range. Raises DeviceError for a bad motion file."""
         if self._connected:
             raise DeviceError("MockActuator.connect: the device is already open")
         limits = self.limits
@@ -60,7 +60,7 @@ class MockActuator(Actuator):
         self._connected = True
 
     def read(self) -> JointReading:
-        """Reads all joints: whole ticks, in radians; see the class for velocity and effort."""
+        """Read all joints: whole ticks, in radians; see the class for velocity and effort."""
         self.require_connected("read")
         velocity = self._advance()
         stamp_ns = self._stamps.now_ns()
@@ -69,43 +69,43 @@ class MockActuator(Actuator):
         return JointReading(stamp_ns, self.limits.clip(position), velocity, effort)
 
     def enable(self) -> None:
-        """Gives torque to all joints, where they are."""
+        """Enable torque on all joints at their present positions."""
         self.require_connected("enable")
         self._advance()
         self._goal = self._position.copy()
         self._energised = True
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
-        """Commands positions in radians, shape (N,). Returns the goal after the clamp, in whole ticks.
+        """Command positions in radians, shape (N,). Returns the goal after the clamp, in whole ticks.
 
         Raises ValueError for a wrong shape or a value that is not finite, DeviceError without torque.
         """
         self.require_connected("write")
         goal = self.checked_goal(goal_rad)
         if not self._energised:
-            raise DeviceError("MockActuator.write: the joints have no torque: call enable first")
+            raise DeviceError("MockActuator.write: torque is off: call enable first")
         self._advance()
         self._goal = self.limits.clip(goal)
         return self._goal.copy()
 
     def hold(self) -> None:
-        """Stops where the joints are, torque as it is."""
+        """Stop the joints where they are, without a change of torque."""
         self.require_connected("hold")
         self._advance()
         self._goal = self._position.copy()
 
     def release(self) -> None:
-        """Takes torque off; does nothing on a closed device."""
+        """Disable torque; has no effect on a closed device."""
         if self._connected:
             self._advance()
         self._energised = False
 
     def read_torque(self) -> dict[str, bool]:
-        """Whether the joints have torque."""
+        """Return whether torque is enabled, by joint."""
         return dict.fromkeys(self.joint_names, self._energised)
 
     def disconnect(self) -> None:
-        """Ends the simulation. Idempotent."""
+        """End the simulation. Idempotent."""
         self._connected = self._energised = False
         self._motion = None
 
@@ -118,7 +118,7 @@ class MockActuator(Actuator):
         return None
 
     def _advance(self) -> FloatArray:
-        """Moves the joints to where they are now; returns their velocity, shape (N,)."""
+        """Move the joints to their present positions; return their velocity, shape (N,)."""
         now_ns = time.monotonic_ns()
         elapsed_s = (now_ns - self._simulated_ns) / NS_PER_S
         self._simulated_ns = now_ns
@@ -139,10 +139,10 @@ def _speed(way_rad: FloatArray, time_constant_s: float) -> FloatArray:
 def follow(
     start_rad: FloatArray, goal_rad: FloatArray, elapsed_s: float, time_constant_s: float
 ) -> FloatArray:
-    """Exact solution of the speed-limited first-order motion, whatever the step.
+    """Compute the exact solution of the speed-limited first-order motion for any step.
 
     Far from the goal a joint moves at full speed; from the distance at which the first-order speed is no
-    longer above it, the remaining way decays exponentially.
+    longer above it, the remaining distance decays exponentially.
 
     Args:
         start_rad: positions at the start, shape (N,).

@@ -1,8 +1,8 @@
 """A moving test pattern that carries its frame number where a program can read it.
 
-The number stands in the upper left corner as black and white squares, sixteen in a row: two rows for its
-32 bits, highest first, and one row for their CRC-16, so that a picture without a number is told from one
-with a number, also after lossy compression.
+The upper left corner shows the number as black and white squares, sixteen in a row: two rows for its 32 bits,
+highest first, and one row for their CRC-16, which distinguishes a picture without a number from one with a
+number, even after lossy compression.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class MovingPattern:
         self._square = _square_size(width, height)
 
     def draw(self, number: int) -> Pixels:
-        """Draws a frame: shape (H, W, 3), uint8, RGB; a new array each time."""
+        """Draw a frame: shape (H, W, 3), uint8, RGB; a new array each time."""
         offset = (number * 4) % self._width
         frame = np.ascontiguousarray(self._wide[:, offset : offset + self._width])
         squares = np.where(_bits(number), 255, 0).astype(np.uint8)
@@ -48,7 +48,7 @@ class MovingPattern:
 
 
 def frame_number(pixels: Pixels) -> int | None:
-    """Reads the frame number out of a picture of shape (H, W) or (H, W, C); None if there is none."""
+    """Read the frame number from a picture of shape (H, W) or (H, W, C); None if there is none."""
     height, width = pixels.shape[:2]
     if width < _COLUMNS or height < _COLUMNS:
         return None

@@ -1,4 +1,4 @@
-"""What the plugin provides: devices that need no hardware."""
+"""Declares the plugins of this distribution."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from joshua.api import ActuatorSpec, PluginSpec, SensorSpec, hookimpl
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the mock devices."""
+    """Name the mock devices."""
     return [
         ActuatorSpec(
             block="mock_motor_config",

@@ -31,7 +31,7 @@ LASER_SCAN = "sensor_msgs/msg/LaserScan"
 
 
 class FreeRunningClock:
-    """The acquisition clock of a sensor that runs whether or not anything reads it.
+    """Acquisition clock of a sensor that runs whether or not it is read.
 
     Acquisition k happens at start + k·period on the monotonic clock. A late reader gets the newest one; those
     in between are lost, never delivered in a burst.
@@ -42,13 +42,13 @@ class FreeRunningClock:
 
     def __init__(self, rate_hz: float) -> None:
         self._period_ns = NS_PER_S / rate_hz
-        wall_ns = time.time_ns()  # first: stalled between the two, no stamp may lie in the future
+        wall_ns = time.time_ns()  # first: even after a stall between the two, no stamp may be in the future
         self._start_ns = time.monotonic_ns()
         self._epoch_ns = wall_ns - self._start_ns
         self._next = 0
 
     def wait(self, timeout_s: float) -> tuple[int, int] | None:
-        """Waits for the next acquisition: its number and stamp; None after the timeout."""
+        """Wait for the next acquisition. Returns its number and stamp; None after the timeout."""
         now_ns = time.monotonic_ns()
         due_ns = self._start_ns + round(self._next * self._period_ns)
         if now_ns < due_ns:
@@ -74,11 +74,11 @@ class FreeRunningSensor(Sensor):
 
     @abstractmethod
     def start(self) -> float:
-        """Resets the device. Returns its rate in Hz."""
+        """Reset the device. Returns its rate in Hz."""
 
     @abstractmethod
     def acquire(self, sequence: int, stamp_ns: int) -> Any:
-        """Makes the data of one acquisition."""
+        """Make the data of one acquisition."""
 
     @property
     def connected(self) -> bool:
@@ -86,20 +86,20 @@ class FreeRunningSensor(Sensor):
         return self._clock is not None
 
     def connect(self) -> None:
-        """Starts the sensor."""
+        """Start the sensor."""
         if self.connected:
             raise DeviceError(f"{type(self).__name__}.connect: the device is already open")
         self._clock = FreeRunningClock(self.start())
 
     def read(self, timeout_s: float) -> Reading | None:
-        """Waits for the next acquisition; None after the timeout."""
+        """Wait for the next acquisition; return None after the timeout."""
         self.require_connected("read")
         assert self._clock is not None
         tick = self._clock.wait(timeout_s)
         return None if tick is None else Reading(tick[1], tick[0], self.acquire(*tick))
 
     def disconnect(self) -> None:
-        """Stops the sensor. Idempotent."""
+        """Stop the sensor. Idempotent."""
         self._clock = None
 
 
@@ -114,17 +114,17 @@ class MockCamera(FreeRunningSensor):
     data_types = (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO)
 
     def start(self) -> float:
-        """Makes the pattern."""
+        """Make the pattern."""
         self._pattern = MovingPattern(self.settings.width, self.settings.height)
         return self.settings.fps
 
     def acquire(self, sequence: int, stamp_ns: int) -> npt.NDArray[np.uint8]:
-        """The frame with the number of the acquisition."""
+        """Draw the frame with the number of the acquisition."""
         del stamp_ns
         return self._pattern.draw(sequence)
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
-        """Makes an ``Image`` (rgb8), a ``CompressedImage`` (PNG) or a ``CameraInfo``."""
+        """Make an ``Image`` (rgb8), a ``CompressedImage`` (PNG) or a ``CameraInfo``."""
         if type_name == CAMERA_INFO:
             return self._camera_info(reading, frame_id)
         if type_name == COMPRESSED_IMAGE:
@@ -150,13 +150,13 @@ class MockCamera(FreeRunningSensor):
         )
 
     def implausible(self, reading: Reading) -> str:
-        """Reports a picture that carries the number of another frame."""
+        """Report a picture that carries the number of another frame."""
         shown = frame_number(reading.data)
         return "" if shown == reading.sequence else f"frame {reading.sequence} shows the number {shown}"
 
 
 def encode_png(pixels: npt.NDArray[np.uint8]) -> bytes:
-    """Encodes a picture of shape (H, W, 3), RGB, as a PNG file, so that the core needs no library for it."""
+    """Encode a picture of shape (H, W, 3), RGB, as a PNG file without a library."""
     height, width = pixels.shape[:2]
     rows = np.insert(pixels.reshape(height, 3 * width), 0, 0, axis=1)  # a row starts with its filter: none
     size = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
@@ -169,7 +169,7 @@ def encode_png(pixels: npt.NDArray[np.uint8]) -> bytes:
 
 @dataclass(frozen=True)
 class EncoderReading:
-    """State of a rotary encoder since it was opened: whole counts over several turns, rad, and rad/s."""
+    """State of a rotary encoder since it was opened: counts over several turns, rad, and rad/s."""
 
     ticks: int
     position_rad: float
@@ -183,12 +183,12 @@ class MockEncoder(FreeRunningSensor):
     data_types = (JOINT_STATE,)
 
     def start(self) -> float:
-        """Resets the count to 0."""
+        """Reset the count to 0."""
         self._first_ns: int | None = None
         return self.settings.sample_rate_hz
 
     def acquire(self, sequence: int, stamp_ns: int) -> EncoderReading:
-        """The state of the shaft."""
+        """Return the state of the shaft."""
         del sequence
         if self._first_ns is None:
             self._first_ns = stamp_ns
@@ -200,7 +200,7 @@ class MockEncoder(FreeRunningSensor):
         return EncoderReading(ticks, position, speed)
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
-        """Makes a JointState of one joint."""
+        """Make a JointState of one joint."""
         del type_name  # there is only one
         data: EncoderReading = reading.data
         return joint_state(
@@ -219,16 +219,16 @@ class MockLidar(FreeRunningSensor):
     data_types = (LASER_SCAN,)
 
     def start(self) -> float:
-        """Starts to scan."""
+        """Start scanning."""
         return self.settings.scan_rate_hz
 
     def acquire(self, sequence: int, stamp_ns: int) -> npt.NDArray[np.float32]:
-        """One scan of the room, in which nothing moves."""
+        """Return one scan of the room, in which nothing moves."""
         del sequence, stamp_ns
         return cast_rays(self.settings)
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
-        """Makes a LaserScan; beams of one scan count as simultaneous."""
+        """Make a LaserScan; beams of one scan count as simultaneous."""
         settings = self.settings
         return message_class(type_name)(
             header=header(frame_id, reading.stamp_ns),
@@ -244,7 +244,7 @@ class MockLidar(FreeRunningSensor):
         )
 
     def implausible(self, reading: Reading) -> str:
-        """Reports a range that is neither a measurement nor a value of REP 117."""
+        """Report a range that is neither a measurement nor a value of REP 117."""
         ranges = reading.data
         low, high = np.float32(self.settings.range_min_m), np.float32(self.settings.range_max_m)
         measured = ranges[np.isfinite(ranges)]
@@ -253,7 +253,7 @@ class MockLidar(FreeRunningSensor):
 
 
 def cast_rays(settings: MockLidarSettings) -> npt.NDArray[np.float32]:
-    """Distances from the middle of the room to its walls, shape (num_beams,), in metres, by REP 117."""
+    """Return the distances from the room's middle to its walls in metres, shape (num_beams,), by REP 117."""
     angles = np.linspace(settings.angle_min_rad, settings.angle_max_rad, settings.num_beams)
     with np.errstate(divide="ignore"):
         to_end = settings.room_length_m / 2 / np.abs(np.cos(angles))

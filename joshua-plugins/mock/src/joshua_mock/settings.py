@@ -9,7 +9,7 @@ from joshua.api import ActuatorSettings, BlockContext, BlockSettings, FieldError
 from joshua.api.calibration import ticks_to_rad
 from pydantic import model_validator
 
-if TYPE_CHECKING:  # children, which the settings reach as plain values, need no protobuf
+if TYPE_CHECKING:  # child processes get plain values and need no protobuf
     from google.protobuf.message import Message
     from joshua.api.schema import calibration_pb2
 
@@ -36,7 +36,7 @@ class MockMotorSettings(ActuatorSettings):
     Attributes:
         num_motors: number of motors.
         position_min_rad, position_max_rad: range that the block allows to every motor.
-        motion: own motion of motors without torque: none, sine, or file.
+        motion: of motors without torque: none, sine, or file.
         motion_amplitude_rad, motion_frequency_hz: of the sine.
         motion_file: CSV file to replay; "" for none.
         time_constant_s: of the first-order motion towards the goal.
@@ -57,7 +57,7 @@ class MockMotorSettings(ActuatorSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Adds the joints, named and narrowed by the calibration where there is one."""
+        """Add the joints, named and narrowed by the calibration if there is one."""
         result = super().si_values(values, node, context)
         low, high = result["position_min_rad"], result["position_max_rad"]
         calibrated = {motor.id: motor for motor in context.calibration.motors} if context.calibration else {}
@@ -80,13 +80,13 @@ class MockMotorSettings(ActuatorSettings):
         if self.motion == "file" and not self.motion_file:
             raise FieldError(
                 "motion_file",
-                "motion is MOCK_MOTION_FILE, but motion_file names no file",
+                "motion is MOCK_MOTION_FILE, but motion_file is empty",
                 remedy="name a CSV file in motion_file, or choose another motion",
             )
         return self
 
     def joints(self) -> tuple[JointRange, ...]:
-        """The joints, known without a connection."""
+        """Joints, known without a connection."""
         return self.joint_ranges
 
 
@@ -111,7 +111,7 @@ class MockCameraSettings(BlockSettings):
 
 
 def _sample_rate_hz(node: Message | None, otherwise_hz: float) -> float:
-    """The rate at which a virtual sensor samples: its fastest publisher's."""
+    """Return the sample rate of a virtual sensor: that of its fastest publisher."""
     rates = [publisher.publish_rate_hz for publisher in getattr(node, "publishers", ())]
     return max((rate for rate in rates if rate > 0), default=otherwise_hz)
 
@@ -122,7 +122,7 @@ class MockEncoderSettings(BlockSettings):
     Attributes:
         resolution: ticks in one revolution.
         speed_rad_s: speed of the shaft.
-        inverted: counts the other way round.
+        inverted: whether to count in the opposite direction.
         sample_rate_hz: rate of its readings, that of the node's fastest publisher.
     """
 
@@ -135,7 +135,7 @@ class MockEncoderSettings(BlockSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Adds the sample rate."""
+        """Add the sample rate."""
         return super().si_values(values, node, context) | {"sample_rate_hz": _sample_rate_hz(node, 100.0)}
 
 
@@ -163,7 +163,7 @@ class MockLidarSettings(BlockSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Adds the scan rate."""
+        """Add the scan rate."""
         return super().si_values(values, node, context) | {"scan_rate_hz": _sample_rate_hz(node, 10.0)}
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""Exports policies to ONNX: the network with its normalisation, then compared with the policy itself."""
+"""Export policies to ONNX: the network with its normalisation, verified against the policy itself."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from joshua_onnx.model import open_session
 from joshua_onnx.ppo import export_trained, is_trained_here
 from joshua_onnx.settings import EXPORTED, NETWORK
 
-#: Policies that can be exported: one observation in, one chunk out, nothing drawn at random.
+#: Policies that can be exported: one observation in, one chunk out, nothing random.
 EXPORTABLE = ("act", "mlp")
 
 #: Largest difference between a policy and its export, in the units of its actions.
 LARGEST_DIFFERENCE = 1e-4
 
-#: Steps of a checkpoint's processors that change nothing that an exported policy sees, or become part of it.
+#: Steps of a checkpoint's processors that do not affect an exported policy, or become part of it.
 _STEPS = {
     "rename_observations_processor",
     "to_batch_processor",
@@ -46,7 +46,7 @@ _STEPS = {
 
 
 def export(folder: Path, target: Path) -> Iterator[str]:
-    """Writes a policy as ONNX into a folder, and says what was written.
+    """Write a policy as ONNX into a folder, and yield what was written.
 
     Raises:
         CheckpointError: it cannot be exported, or the target is not empty.
@@ -95,11 +95,11 @@ def _type_of(folder: Path) -> str:
     try:
         return str(json.loads((folder / CONFIG).read_text(encoding="utf-8"))["type"])
     except (OSError, ValueError, KeyError, TypeError):
-        return ""  # whoever reads the checkpoint says why
+        return ""  # reading the checkpoint reports why
 
 
 def _inputs(checkpoint: Checkpoint, seed: int) -> dict[str, Any]:
-    """An observation drawn at random, as the exported policy takes it."""
+    """Return a random observation in the form of the exported policy's input."""
     draw = np.random.default_rng(seed)
     values: dict[str, Any] = {}
     for item in checkpoint.inputs:
@@ -115,7 +115,7 @@ def _traced(policy: Callable[[dict[str, Any]], Any], values: dict[str, Any], pat
     import torch
 
     class Network(torch.nn.Module):  # type: ignore[misc]  # torch is not installed where types are checked
-        """The policy as a function of its inputs in their order."""
+        """Policy as a function of its inputs in their order."""
 
         def forward(self, *inputs: Any) -> Any:
             return policy(dict(zip(values, inputs, strict=True)))
@@ -129,13 +129,13 @@ def _traced(policy: Callable[[dict[str, Any]], Any], values: dict[str, Any], pat
             input_names=list(values),
             output_names=[ACTION],
             opset_version=17,
-            dynamo=False,  # the other exporter needs a library more, and its networks are not faster
+            dynamo=False,  # the other exporter requires another library, and its networks are not faster
         )
     return path.read_bytes()
 
 
 def _difference(policy: Callable[[dict[str, Any]], Any], network: bytes, checkpoint: Checkpoint) -> float:
-    """The largest difference of some chunks."""
+    """Return the largest difference between some chunks."""
     import torch
 
     session = open_session(network, Compute(device="cpu"), NETWORK)
@@ -150,7 +150,7 @@ def _difference(policy: Callable[[dict[str, Any]], Any], network: bytes, checkpo
 
 
 def _act(checkpoint: Checkpoint) -> Callable[[dict[str, Any]], Any]:
-    """ACT with the normalisation of its checkpoint, as one function."""
+    """Return ACT with the normalisation of its checkpoint as one function."""
     settings = LeRobotSettings(weights=str(checkpoint.folder), compute=Compute(device="cpu"))
     loaded = load_policy(checkpoint, settings)
     loaded.policy.requires_grad_(False)  # weights become constants of the network
@@ -176,7 +176,7 @@ def _act(checkpoint: Checkpoint) -> Callable[[dict[str, Any]], Any]:
 
 
 def _applied(loaded: LoadedPolicy, value: Any, part: str) -> Any:
-    """What the normalisers make of an observation, or of actions on their way out."""
+    """Apply the normalisers to an observation, or to actions on their way out."""
     from lerobot.processor import NormalizerProcessorStep, TransitionKey, UnnormalizerProcessorStep
     from lerobot.processor.converters import create_transition
 
@@ -190,7 +190,7 @@ def _applied(loaded: LoadedPolicy, value: Any, part: str) -> Any:
 
 
 def _mlp(checkpoint: Checkpoint) -> Callable[[dict[str, Any]], Any]:
-    """A network of fully connected layers, as one function; actions have the shape (1, 1, N)."""
+    """Return a network of fully connected layers as one function; actions have the shape (1, 1, N)."""
     import torch
     from safetensors.torch import load_file
 
@@ -200,7 +200,7 @@ def _mlp(checkpoint: Checkpoint) -> Callable[[dict[str, Any]], Any]:
     count = sum(name.startswith("layers.") and name.endswith(".weight") for name in weights)
     if chosen not in activations or not count or f"layers.{count - 1}.bias" not in weights:
         raise CheckpointError(
-            f"{checkpoint.folder} is no network of layers.0 to layers.N with the activation "
+            f"{checkpoint.folder} is not a network of layers.0 to layers.N with the activation "
             f"{', '.join(activations)}",
             "Save it as the guide «Models» says",
         )

@@ -16,7 +16,7 @@ from joshua_onnx.settings import NETWORK, OnnxSettings
 
 FloatArray = npt.NDArray[np.float64]
 
-#: What onnxruntime calls the devices.
+#: onnxruntime's names of the devices.
 PROVIDERS = {
     "cuda": "CUDAExecutionProvider",
     "mps": "CoreMLExecutionProvider",
@@ -25,7 +25,7 @@ PROVIDERS = {
 
 
 class OnnxModel(Model):
-    """Runs an exported policy; pictures and joints go in as they are: normalisation was exported, too."""
+    """Runs an exported policy; pictures and joints go in unchanged, because normalisation is part of it."""
 
     settings: OnnxSettings
 
@@ -39,7 +39,7 @@ class OnnxModel(Model):
         self._unit = Unit.RADIANS
 
     def load(self) -> None:
-        """Fetches and loads the policy. Raises ModelError."""
+        """Fetch and load the policy. Raises ModelError."""
         self._checkpoint, self._unit = open_checkpoint(self.settings)
         path = self._checkpoint.folder / NETWORK
         self._session = open_session(path.read_bytes(), self.settings.compute, str(path))
@@ -49,7 +49,7 @@ class OnnxModel(Model):
         return needs_of(self.settings, self._checkpoint)
 
     def reset(self) -> None:
-        """Does nothing: exported policies remember nothing."""
+        """Do nothing: exported policies have no memory."""
 
     def act(self, observation: Observation) -> FloatArray:
         """See ``Model``. Raises ModelError."""
@@ -71,12 +71,12 @@ class OnnxModel(Model):
         return self.units.radians(kept, self._unit)
 
     def close(self) -> None:
-        """Frees the policy. Idempotent."""
+        """Free the policy. Idempotent."""
         self._session = None
 
 
 def open_session(network: bytes, compute: Compute, name: str) -> Any:
-    """A session of onnxruntime. Raises ModelError for a device that is not there and a broken network."""
+    """Open a session of onnxruntime. Raises ModelError for a missing device or a broken network."""
     import onnxruntime
 
     there = onnxruntime.get_available_providers()

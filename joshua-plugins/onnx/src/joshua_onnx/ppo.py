@@ -1,4 +1,4 @@
-"""Exports policies of joshua-ppo-trainer: their files and one network, written without PyTorch."""
+"""Export policies of joshua-ppo-trainer without PyTorch: their files and one network."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ LARGEST_DIFFERENCE = 1e-5
 
 
 def is_trained_here(folder: Path) -> bool:
-    """Whether a folder is a run of joshua-ppo-trainer, or one of its checkpoints."""
+    """Return whether a folder is a run of joshua-ppo-trainer, or one of its checkpoints."""
     return (folder / ABOUT).is_file() or (folder / "run.json").is_file()
 
 
 def export_trained(folder: Path, target: Path) -> Iterator[str]:
-    """Writes the newest policy of a run as ONNX into a folder, and says what was written.
+    """Write the newest policy of a run as ONNX into a folder, and yield what was written.
 
     Raises:
         CheckpointError: it cannot be exported; ModelError: a library is missing.
@@ -67,7 +67,7 @@ def _on_cpu() -> Any:
 
 
 def _network(policy: Any) -> bytes:
-    """The policy as a function of one observation, shape (1, K)."""
+    """Return the policy as a function of one observation, shape (1, K)."""
     onnx = require("onnx", "Exporting a policy")
     helper, numpy_helper = require("onnx.helper", "Exporting"), require("onnx.numpy_helper", "Exporting")
     constants: list[Any] = []

@@ -1,4 +1,4 @@
-"""Settings of an exported policy, and whether its files are whole: known without onnxruntime."""
+"""Settings of an exported policy, and the check that its files are complete, without onnxruntime."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class OnnxSettings(PolicySettings):
         if self.compute.precision != "float32":
             raise FieldError(
                 "",
-                f"An exported policy computes in float32, and compute says {self.compute.precision}",
+                f"An exported policy computes in float32, but compute says {self.compute.precision}",
                 remedy="Remove precision, or run the checkpoint that it was exported from",
             )
         return self
@@ -39,7 +39,7 @@ class OnnxSettings(PolicySettings):
 
 
 def read_exported(folder: Path) -> Checkpoint:
-    """Reads the files of an exported policy. Raises CheckpointError."""
+    """Read the files of an exported policy. Raises CheckpointError."""
     checkpoint = read_checkpoint(folder, weights=NETWORK)
     path = folder / NETWORK
     described: Any = checkpoint.config.get(EXPORTED)
@@ -48,12 +48,12 @@ def read_exported(folder: Path) -> Checkpoint:
         if pickles:
             raise pickled(folder, pickles[0])
         raise CheckpointError(
-            f"{folder} holds no exported policy",
+            f"{folder} contains no exported policy",
             f"Export it: joshua policy export {folder} {folder.with_name(f'{folder.name}_onnx')}",
         )
     if path.stat().st_size != described.get("bytes"):
         raise CheckpointError(
-            f"{path} has {path.stat().st_size} bytes, and {described.get('bytes')} were exported: the file "
+            f"{path} has {path.stat().st_size} bytes, but {described.get('bytes')} were exported: the file "
             "was not copied or downloaded to its end",
             "Copy or download the policy again",
         )

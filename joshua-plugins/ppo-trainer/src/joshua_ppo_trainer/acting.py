@@ -1,4 +1,4 @@
-"""A trained policy on a robot: the terms of its environment make its observation, nothing is simulated."""
+"""A trained policy on a robot: the terms of its environment make the observation, without simulation."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from joshua_training.run_folder import RunError
 
 from joshua_ppo_trainer.acting_settings import NETWORK, WEIGHTS, PpoPolicySettings
 
-#: What makes an environment.
+#: Function that makes an environment.
 MAKE = "joshua_mujoco_sim.envs:make_environment"
 
-#: Distance of two observations from which on a speed is not told by them, seconds.
+#: Interval between two observations from which on they give no speed, seconds.
 _APART_S = 0.5
 
 
 @dataclass(frozen=True)
 class Goal:
-    """Place that the grip goes to, m, in the frame of the simulated model."""
+    """Target position of the grip, m, in the frame of the simulated model."""
 
     x: float
     y: float
@@ -50,7 +50,7 @@ class PpoModel(Model):
         self._last: tuple[int, FloatArray] | None = None
 
     def load(self) -> None:
-        """Loads the policy and its environment. Raises ModelError."""
+        """Load the policy and its environment. Raises ModelError."""
         try:
             about = self.settings.about()
             self._network = _network(self.settings.folder)
@@ -66,7 +66,7 @@ class PpoModel(Model):
             raise ModelError(f"{error}. {error.remedy}") from error
         except RunError as error:
             raise ModelError(f"{error}. Copy the checkpoint again") from error
-        except Exception as error:  # of gymnasium and MuJoCo: the environment is not there, or another one
+        except Exception as error:  # of gymnasium and MuJoCo: the environment is missing, or a different one
             raise ModelError(
                 f"{about['environment']}, in which {self.settings.folder} was trained, cannot be made: "
                 f"{error}. Install joshua-mujoco-sim"
@@ -80,14 +80,14 @@ class PpoModel(Model):
             raise ModelError(f"{error}. {error.remedy}") from error
 
     def reset(self) -> None:
-        """Starts from where the joints are."""
+        """Start from the present joint positions."""
         self._last = None
         if self._environment is not None:
             self._environment.reset()
 
     @verb(moves=True)
     def goal(self, request: Goal) -> str:
-        """Names another place that the grip goes to."""
+        """Set the target position of the grip."""
         place = np.array([request.x, request.y, request.z])
         if np.abs(place).max() > 1.0:
             raise RefusedError("the goal is farther than 1 m from the base")
@@ -106,13 +106,13 @@ class PpoModel(Model):
         return np.asarray(goals, np.float64)[None]
 
     def close(self) -> None:
-        """Frees the environment; a second call does nothing."""
+        """Free the environment. Idempotent."""
         environment, self._environment = self._environment, None
         if environment is not None:
             environment.close()
 
     def _speed(self, stamp_ns: int, position: FloatArray) -> FloatArray:
-        """Speed of the joints since the observation before, rad/s; zero where there is none near."""
+        """Return the joint speed since the previous observation, rad/s; zero if none is recent."""
         last, self._last = self._last, (stamp_ns, position)
         elapsed_s = (stamp_ns - last[0]) / 1e9 if last is not None else 0.0
         if last is None or not 0.0 < elapsed_s < _APART_S:
@@ -121,7 +121,7 @@ class PpoModel(Model):
 
 
 def _network(folder: Path) -> Any:
-    """The policy as a function of observations, shape (N, K), by NumPy or onnxruntime."""
+    """Return the policy as a function of observations, shape (N, K), by NumPy or onnxruntime."""
     if (folder / WEIGHTS).is_file():
         from joshua_ppo_trainer.policy import Policy
 

@@ -15,16 +15,16 @@ from pydantic import model_validator
 ABOUT = "policy.json"
 WEIGHTS, NETWORK = "policy.safetensors", "policy.onnx"
 
-#: The policy that runs where the file names none.
+#: Policy that runs if the file names none.
 SHIPPED = Path(__file__).with_name("reach")
 
-#: What a robot and a goal show; objects of a simulation are not among it.
+#: Observations from a robot and a goal; objects of a simulation are not among them.
 SHOWN = frozenset({STATE, "observation.velocity", "observation.lead", "observation.grip"}) | {
     "observation.last_action",
     "observation.to_goal",
 }
 
-#: Numbers of a place.
+#: Numbers of a position.
 _AXES = 3
 
 
@@ -32,7 +32,7 @@ class PpoPolicySettings(ModelSettings):
     """Settings of a policy that was trained here.
 
     Attributes:
-        goal_m: place that the grip goes to, in the frame of the simulated model.
+        goal_m: target position of the grip, in the frame of the simulated model.
     """
 
     goal_m: tuple[float, ...] = ()
@@ -42,14 +42,14 @@ class PpoPolicySettings(ModelSettings):
         if len(self.goal_m) != _AXES:
             raise FieldError(
                 "goal_m",
-                f"goal_m has {len(self.goal_m)} numbers, and a place has {_AXES}",
+                f"goal_m has {len(self.goal_m)} numbers, but a position has {_AXES}",
                 remedy="Write goal_m: [0.0, -0.25, 0.12] with x, y and z in metres",
             )
         return self
 
     @property
     def folder(self) -> Path:
-        """Where the files of the policy are: the newest checkpoint of a run. Raises FieldError."""
+        """Folder of the policy's files: the newest checkpoint of a run. Raises FieldError."""
         if not self.weights:
             return SHIPPED
         folder = Path(self.weights)
@@ -58,13 +58,13 @@ class PpoPolicySettings(ModelSettings):
         if not (found / ABOUT).is_file():
             raise FieldError(
                 "",
-                f"{folder} holds no policy of joshua-ppo-trainer: it has no {ABOUT} and no checkpoint",
+                f"{folder} contains no policy of joshua-ppo-trainer: it has no {ABOUT} and no checkpoint",
                 remedy="Name the folder of a run, which the trainer logs at its start",
             )
         return found
 
     def about(self) -> dict[str, Any]:
-        """What the files say of the policy. Raises FieldError."""
+        """Description of the policy, from its files. Raises FieldError."""
         path = self.folder / ABOUT
         try:
             about = json.loads(path.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""A learner as numbers: weights, optimiser, normalisation, random generators, environments. No pickle."""
+"""State of a learner without pickle: weights, optimiser, normalisation, random generators, environments."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ TRAINING, STATE = "training.safetensors", "state.json"
 
 
 def weights_of(module: torch.nn.Module, prefix: str = "") -> Arrays:
-    """The weights of a network by name, copied."""
+    """Return a copy of the weights of a network by name."""
     return {
         f"{prefix}{key}": value.detach().cpu().numpy().copy() for key, value in module.state_dict().items()
     }
 
 
 def load_weights(module: torch.nn.Module, arrays: Mapping[str, Any], prefix: str = "") -> None:
-    """Takes weights over. Raises RunError if they do not fit."""
+    """Load weights into a network. Raises RunError if they do not fit."""
     found = {
         key[len(prefix) :]: torch.from_numpy(np.array(v))
         for key, v in arrays.items()
@@ -43,7 +43,7 @@ def load_weights(module: torch.nn.Module, arrays: Mapping[str, Any], prefix: str
 
 
 def optimiser_arrays(optimiser: torch.optim.Optimizer, prefix: str = "optimiser") -> Arrays:
-    """What an optimiser remembers of each weight."""
+    """Return the state of an optimiser for each weight."""
     arrays = {}
     for index, memory in optimiser.state_dict()["state"].items():
         for name, value in memory.items():
@@ -54,7 +54,7 @@ def optimiser_arrays(optimiser: torch.optim.Optimizer, prefix: str = "optimiser"
 def load_optimiser(
     optimiser: torch.optim.Optimizer, arrays: Mapping[str, Any], prefix: str = "optimiser"
 ) -> None:
-    """Takes the memory of an optimiser over."""
+    """Load the state of an optimiser."""
     memory: dict[int, dict[str, Any]] = {}
     for key, value in arrays.items():
         kind, _, rest = key.partition(".")
@@ -67,7 +67,7 @@ def load_optimiser(
 
 
 def generator_arrays() -> Arrays:
-    """The random generators of torch and of NumPy's global one, which shuffles the mini-batches."""
+    """Return the random generators of torch and NumPy; NumPy's global one shuffles the mini-batches."""
     _, keys, position, has_gauss, gauss = np.random.get_state()
     return {
         "generator.torch": torch.get_rng_state().numpy().copy(),
@@ -77,7 +77,7 @@ def generator_arrays() -> Arrays:
 
 
 def load_generators(arrays: Mapping[str, Any]) -> None:
-    """Takes the random generators over."""
+    """Load the random generators."""
     torch.set_rng_state(torch.from_numpy(np.array(arrays["generator.torch"])))
     position, has_gauss, gauss = arrays["generator.numpy_more"]
     state = ("MT19937", arrays["generator.numpy"], int(position), int(has_gauss), float(gauss))
@@ -85,18 +85,18 @@ def load_generators(arrays: Mapping[str, Any]) -> None:
 
 
 def space_state(space: Any) -> dict[str, Any]:
-    """The random generator of a space of Gymnasium, which draws the first actions of SAC; JSON-able."""
+    """Return the random generator of a Gymnasium space as JSON; SAC draws its first actions from it."""
     state: dict[str, Any] = space.np_random.bit_generator.state
     return state
 
 
 def load_space(space: Any, state: Mapping[str, Any]) -> None:
-    """Takes the random generator of a space over."""
+    """Load the random generator of a space."""
     space.np_random.bit_generator.state = dict(state)
 
 
 def packed(arrays: Mapping[str, Any]) -> bytes:
-    """Arrays as safetensors."""
+    """Serialise arrays as safetensors."""
     content: bytes = save_arrays({name: np.ascontiguousarray(value) for name, value in arrays.items()})
     return content
 
@@ -104,7 +104,7 @@ def packed(arrays: Mapping[str, Any]) -> bytes:
 def as_files(
     policy: Arrays, training: Arrays, state: Mapping[str, Any], about: Mapping[str, Any]
 ) -> dict[str, bytes]:
-    """The files of a checkpoint by name; ``about`` describes the policy."""
+    """Return the files of a checkpoint by name; ``about`` describes the policy."""
     return {
         ABOUT: json.dumps(about, indent=2, sort_keys=True).encode() + b"\n",
         WEIGHTS: packed(policy),
@@ -114,10 +114,10 @@ def as_files(
 
 
 def read(folder: Path) -> tuple[Arrays, Arrays, dict[str, Any]]:
-    """Reads a checkpoint: weights, what training needs beside them, and the state.
+    """Read a checkpoint: weights, further arrays of the training, and the state.
 
     Raises:
-        RunError: a file is missing, torn or none of ours.
+        RunError: a file is missing, truncated or not from this trainer.
     """
     try:
         policy = load_arrays((folder / WEIGHTS).read_bytes())

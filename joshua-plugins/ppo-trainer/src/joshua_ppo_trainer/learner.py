@@ -1,4 +1,4 @@
-"""Learning by stable-baselines3, one iteration after the other, with a state that can be written any time."""
+"""Learning with stable-baselines3 in iterations, with a state that can be saved at any time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SAC_STEPS = 2_000
 
 
 class Stopped(Exception):
-    """The learner was asked to stop, in the middle of an iteration."""
+    """The learner was stopped in the middle of an iteration."""
 
 
 class DivergedError(RunError):
@@ -34,7 +34,7 @@ class DivergedError(RunError):
 
 
 class _StoppableBuffer(RolloutBuffer):  # type: ignore[misc,unused-ignore]
-    """Asks before each mini-batch whether learning continues, so that a stop needs not wait for an update."""
+    """Asks before each mini-batch whether learning continues, so that a stop does not wait for an update."""
 
     asked: Callable[[], bool] = staticmethod(lambda: False)
     last: Any = None
@@ -48,7 +48,7 @@ class _StoppableBuffer(RolloutBuffer):  # type: ignore[misc,unused-ignore]
 
 
 class _RememberingBuffer(ReplayBuffer):  # type: ignore[misc,unused-ignore]
-    """Remembers the batch that it gave last."""
+    """Replay buffer that keeps its last batch."""
 
     last: Any = None
 
@@ -57,12 +57,12 @@ class _RememberingBuffer(ReplayBuffer):  # type: ignore[misc,unused-ignore]
         return self.last
 
 
-#: What a replay buffer holds of each step.
+#: Arrays of a replay buffer for each step.
 _REPLAYED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
 class _Watch(BaseCallback):  # type: ignore[misc,unused-ignore]
-    """Ends collecting when learning is to stop, and tells how far it is."""
+    """Ends the collection when learning stops, and reports its progress."""
 
     def __init__(self, asked: Callable[[], bool], told: Callable[[int], None]) -> None:
         super().__init__()
@@ -77,7 +77,7 @@ class Learner:
     """Trains a policy.
 
     Args:
-        settings: with nothing left open, see ``TrainerSettings.suitable``.
+        settings: complete, see ``TrainerSettings.suitable``.
         environment: many environments, in the mode SAME_STEP; seed: of the networks and the samples.
         asked: whether to stop; told: called with the number of steps, often.
 
@@ -118,14 +118,14 @@ class Learner:
 
     @property
     def policy(self) -> Any:
-        """The policy of stable-baselines3."""
+        """Policy of stable-baselines3."""
         return self._model.policy
 
     def iterate(self) -> dict[str, float] | None:
-        """Collects and updates once: the metrics of it; None when it was asked to stop.
+        """Collect and update once. Returns the metrics; None if learning was stopped.
 
         Raises:
-            DivergedError: a loss is not a number; the state is that before the iteration.
+            DivergedError: a loss is not a number; the state is that from before the iteration.
         """
         model, settings = self._model, self._settings
         if not self._started:
@@ -142,7 +142,7 @@ class Learner:
                 return None
         except Stopped:
             return None
-        except ValueError as error:  # torch's distributions refuse numbers that are none
+        except ValueError as error:  # torch's distributions refuse NaN
             if "constraint" not in str(error):
                 raise
             raise self._diverged("an action") from error
@@ -159,15 +159,15 @@ class Learner:
     def _diverged(self, what: str) -> DivergedError:
         return DivergedError(
             f"{what} is not a number after {self.steps} steps: lower learning_rate, or raise batch_size; "
-            "the last checkpoint is from before"
+            "the last checkpoint is from before that"
         )
 
     def snapshot(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        """Weights, what training needs beside them, and the state, all after the last whole iteration."""
+        """Return weights, further arrays of the training and the state, after the last complete iteration."""
         return self._snapshot or self._take()
 
     def last_batch(self) -> dict[str, Any]:
-        """The samples of the last update, and the weights: what a loss that is not a number came from."""
+        """Return the samples of the last update and the weights, which led to a loss that is not a number."""
         model = self._model
         buffer = model.rollout_buffer if self._settings.algorithm == "PPO" else model.replay_buffer
         batch = buffer.last._asdict() if buffer.last is not None else {}
@@ -177,10 +177,10 @@ class Learner:
         return found | checkpoint.weights_of(model.policy, "weights.")
 
     def restore(self, policy: dict[str, Any], training: dict[str, Any], state: dict[str, Any]) -> None:
-        """Goes on where a snapshot was taken, bit for bit. Before the first iteration.
+        """Continue from a snapshot, bit for bit. To be called before the first iteration.
 
         Raises:
-            RunError: it is of another network or other environments.
+            RunError: it belongs to another network or other environments.
         """
         model = self._model
         checkpoint.load_weights(model.policy, policy)
@@ -207,7 +207,7 @@ class Learner:
         self._snapshot = (policy, training, state)
 
     def _learn_once(self) -> bool:
-        """One iteration of the algorithm; False when it was asked to stop."""
+        """Run one iteration of the algorithm; return False if learning was stopped."""
         model, settings = self._model, self._settings
         model._callback = self._callback
         if settings.algorithm == "PPO":
@@ -267,7 +267,7 @@ class Learner:
         return policy, training, state
 
     def _optimisers(self) -> dict[str, torch.optim.Optimizer]:
-        """By the prefix of their arrays in a checkpoint."""
+        """Return the optimisers by the prefix of their arrays in a checkpoint."""
         model = self._model
         if self._settings.algorithm == "PPO":
             return {"optimiser": model.policy.optimizer}
@@ -293,7 +293,7 @@ class Learner:
         checkpoint.load_space(model.action_space, state["action_space"])
 
     def metrics(self) -> dict[str, float]:
-        """Averages over the last episodes, as of the last whole iteration."""
+        """Return averages over the last episodes, as of the last complete iteration."""
         episodes = self.vec_env.episodes
         found: dict[str, float] = {"steps": self.steps, "episodes": self.vec_env.done}
         if episodes:

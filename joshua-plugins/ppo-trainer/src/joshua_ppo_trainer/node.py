@@ -1,4 +1,4 @@
-"""The trainer's node: makes the environments, learns beside its loop, writes the run's folder."""
+"""Node of the trainer: makes the environments, learns on its own thread, writes the run's folder."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SAVE_S = 8.0
 #: The samples and weights of an update whose loss was not a number.
 BATCH = "diverged.safetensors"
 
-#: An update of a large batch gives no sign of life for this long at most.
+#: Longest time without a heartbeat, during an update of a large batch.
 HANG_S = 600.0
 
 
@@ -37,7 +37,7 @@ class PpoTrainer(Trainer):
         self._saved = -1
 
     def configure(self) -> None:
-        """Makes or opens the run and its environments."""
+        """Make or open the run and its environments."""
         chosen = self.facts.environment
         if chosen is None:
             raise RunError("the plan has no environment: set ai.training.environment_id")
@@ -52,11 +52,11 @@ class PpoTrainer(Trainer):
                 "install joshua-ppo-trainer[learn] "
                 "(from a clone: ./run --with 'ppo-trainer[learn],mujoco-sim')"
             ) from error
-        torch.set_num_threads(1)  # small networks: more threads only wait for each other
+        torch.set_num_threads(1)  # with small networks, more threads only wait for each other
         settings = self._settings = self._settings.suitable(chosen.environment_id)
         try:
             settings.check_batch()
-        except FieldError as error:  # known only here where the file names no environment
+        except FieldError as error:  # known only here if the file names no environment
             raise RunError(f"{error}: {error.remedy}") from error
         seed = 0 if chosen.seed is None else chosen.seed
         facts: dict[str, Any] = {
@@ -102,21 +102,21 @@ class PpoTrainer(Trainer):
         self.context.log.info("continuing after %d steps from %s", self._learner.steps, whole[-1])
 
     def activate(self) -> None:
-        """Starts to learn."""
+        """Start learning."""
         assert self._folder is not None
         self.context.log.info("this run is in %s", self._folder.path)
         self._ended.clear()
         self.context.spawn_thread(self._learn, name="learner", hang_after_s=HANG_S)
 
     def deactivate(self) -> None:
-        """Waits for the last checkpoint."""
+        """Wait for the last checkpoint."""
         if not self._ended.wait(SAVE_S):
             self.context.log.warning(
-                "the learner did not stop within %g s; its last checkpoint is whole", SAVE_S
+                "the learner did not stop within %g s; its last checkpoint is complete", SAVE_S
             )
 
     def cleanup(self) -> None:
-        """Closes the environments."""
+        """Close the environments."""
         environment, self._environment = self._environment, None
         if environment is not None and self._ended.is_set():
             environment.close()
@@ -147,7 +147,7 @@ class PpoTrainer(Trainer):
                     f"{learner.steps} steps learned: {_shown(learner.metrics())}, {folder.path}"
                 )
         except DivergedError as error:
-            self._save()  # the state before it
+            self._save()  # the state from before the error
             raise RunError(f"{error}; {self._kept_batch()}") from error
         finally:
             board.close()
@@ -167,7 +167,7 @@ class PpoTrainer(Trainer):
         self.context.log.info("checkpoint %s", path)
 
     def _kept_batch(self) -> str:
-        """Writes the samples of the last update and the weights after it; says where."""
+        """Write the samples of the last update and the weights after it; return where."""
         from joshua_ppo_trainer import checkpoint
 
         assert self._folder is not None
@@ -175,7 +175,7 @@ class PpoTrainer(Trainer):
         return f"the batch and the weights are in {path}"
 
     def _about_policy(self, training: dict[str, Any]) -> dict[str, Any]:
-        """What a policy sees and does, with all that brings its inputs to the scale it learned with."""
+        """Describe the inputs and outputs of a policy, and the scaling of its inputs."""
         settings, moments = self._settings, "normalise.observed"
         seen = {key: training[f"{moments}.{key}"].tolist() for key in ("mean", "variance")}
         return {
@@ -192,13 +192,13 @@ class PpoTrainer(Trainer):
 
 
 def _shown(row: dict[str, float]) -> str:
-    """The figures of an iteration for the status line."""
+    """Format the figures of an iteration for the status line."""
     names = (("episode/success_rate", "success", "{:.2f}"), ("episode/return", "return", "{:.1f}"))
     return ", ".join(f"{text} {form.format(row[key])}" for key, text, form in names if key in row)
 
 
 def _policy_facts(chosen: Any, environment: Any) -> dict[str, Any]:
-    """What a policy sees and does, in physical units, with the constants that scale its observations."""
+    """Describe the inputs and outputs of a policy in physical units, and the constants of their scaling."""
     offset, scale = environment.observation_scaling
     space = environment.single_action_space
     return {
@@ -223,7 +223,7 @@ _FREE = {
 
 
 def _same(before: dict[str, Any], wanted: dict[str, Any]) -> None:
-    """Refuses to continue a run with something else. Raises RunError."""
+    """Refuse to continue a run with other settings. Raises RunError."""
     old = {**before.get("settings", {}), **{key: before.get(key) for key in ("seed", "reward_function")}}
     new = {**wanted["settings"], **{key: wanted[key] for key in ("seed", "reward_function")}}
     different = [key for key in new if key not in _FREE and _plain(old.get(key)) != _plain(new[key])]
@@ -237,7 +237,7 @@ def _same(before: dict[str, Any], wanted: dict[str, Any]) -> None:
             else (old.get(key), new[key])
         )
         raise RunError(
-            f"the run was started with {key} {was}, and the file says {is_now}: "
+            f"the run was started with {key} {was}, but the file says {is_now}: "
             "continue with the settings of the run, or start a new one"
         )
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Normalised observations and rewards are cut off here.
+#: Limit of normalised observations and rewards.
 LIMIT = 10.0
 
 
@@ -26,7 +26,7 @@ class Moments:
         self.count = 1e-4
 
     def update(self, rows: Any) -> None:
-        """Take in rows, shape (N, …)."""
+        """Add rows, shape (N, …)."""
         values = np.asarray(rows, np.float64)
         mean, variance, count = values.mean(axis=0), values.var(axis=0), len(values)
         total = self.count + count
@@ -37,7 +37,7 @@ class Moments:
         self.count = total
 
     def arrays(self, prefix: str) -> dict[str, FloatArray]:
-        """The numbers by name, for a checkpoint."""
+        """Return the numbers by name, for a checkpoint."""
         return {
             f"{prefix}.mean": np.atleast_1d(self.mean),
             f"{prefix}.variance": np.atleast_1d(self.variance),
@@ -45,7 +45,7 @@ class Moments:
         }
 
     def load(self, prefix: str, arrays: dict[str, Any]) -> None:
-        """Take the numbers of a checkpoint."""
+        """Load the numbers of a checkpoint."""
         shape = self.mean.shape
         self.mean = np.array(arrays[f"{prefix}.mean"], np.float64).reshape(shape)
         self.variance = np.array(arrays[f"{prefix}.variance"], np.float64).reshape(shape)
@@ -53,14 +53,14 @@ class Moments:
 
 
 class Normaliser:
-    """Normalises what an environment gives.
+    """Normalises the observations and rewards of an environment.
 
     Args:
         width: numbers of an observation; count: environments; gamma: discount of the learner.
         observations, rewards: what is normalised; the rest passes unchanged.
 
     Attributes:
-        learning: the moments follow what is seen; False leaves them as they are, for evaluation.
+        learning: whether to update the moments; False for evaluation.
     """
 
     def __init__(self, width: int, count: int, gamma: float, *, observations: bool, rewards: bool) -> None:
@@ -71,20 +71,20 @@ class Normaliser:
         self.learning = True
 
     def observation(self, values: Any) -> Any:
-        """The observations of a step, shape (N, K), float32; the moments follow them."""
+        """Normalise the observations of a step, shape (N, K), float32, and update the moments."""
         if self.observations and self.learning:
             self.observed.update(values)
         return self.shown(values)
 
     def shown(self, values: Any) -> Any:
-        """Observations as the policy sees them; the moments stay."""
+        """Normalise observations without an update of the moments."""
         if not self.observations:
             return values
         scaled = (values - self.observed.mean) / np.sqrt(self.observed.variance + 1e-8)
         return np.clip(scaled, -LIMIT, LIMIT).astype(np.float32)
 
     def reward(self, values: Any, over: Any) -> Any:
-        """The rewards of a step, shape (N,), divided by the spread of the discounted returns, float32."""
+        """Divide the rewards of a step, shape (N,), by the spread of the discounted returns, float32."""
         if not self.rewards:
             return values.astype(np.float32)
         if self.learning:
@@ -95,12 +95,12 @@ class Normaliser:
         return np.clip(scaled, -LIMIT, LIMIT).astype(np.float32)
 
     def arrays(self) -> dict[str, FloatArray]:
-        """The numbers by name, for a checkpoint."""
+        """Return the numbers by name, for a checkpoint."""
         own = {"normalise.returns": self._returns.copy()}
         return own | self.observed.arrays("normalise.observed") | self.returned.arrays("normalise.returned")
 
     def load(self, arrays: dict[str, Any]) -> None:
-        """Take the numbers of a checkpoint."""
+        """Load the numbers of a checkpoint."""
         self.observed.load("normalise.observed", arrays)
         self.returned.load("normalise.returned", arrays)
         if arrays["normalise.returns"].shape == self._returns.shape:

@@ -7,7 +7,7 @@ from joshua.api import ModelSpec, PluginSpec, TrainerSpec, hookimpl
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Name the trainer, and what runs its policies."""
+    """Name the trainer, and the model that runs its policies."""
     return [
         ModelSpec(
             block="joshua.PpoPolicy",
@@ -15,11 +15,11 @@ def joshua_specs() -> list[PluginSpec]:
             enum_values=("MODEL_PLUGIN",),
             implementation="joshua_ppo_trainer.acting:PpoModel",
             settings="joshua_ppo_trainer.acting_settings:PpoPolicySettings",
-            summary="policies that joshua-ppo-trainer has trained, without PyTorch",
+            summary="policies trained by joshua-ppo-trainer, without PyTorch",
         ),
         TrainerSpec(
             block="training",
-            # METHOD_RL chooses the trainer where no simulator is named, which is on a robot
+            # METHOD_RL chooses the trainer if no simulator is named, which is on a robot
             enum_values=("BACKEND_MUJOCO", "METHOD_RL"),
             implementation="joshua_ppo_trainer.node:PpoTrainer",
             settings="joshua_ppo_trainer.settings:TrainerSettings",

@@ -1,4 +1,4 @@
-"""A trained policy, from the files of a checkpoint, with NumPy alone: what runs where no PyTorch is."""
+"""A trained policy, from the files of a checkpoint, with NumPy alone: it runs without PyTorch."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _LAYERS = {"PPO": ("mlp_extractor.policy_net.", "action_net"), "SAC": ("actor.la
 
 
 class Policy:
-    """The mean action of a policy for what an environment shows.
+    """Mean action of a policy for the observations of an environment.
 
     Attributes:
-        about: what ``policy.json`` says: features, scales, the range of actions, normalisation.
-        layers: weight and bias of each; squash: by a tanh after the last one.
-        mean, spread: that observations are brought to unit size by, None if they are not; limit: then.
+        about: content of ``policy.json``: features, scales, the range of actions, normalisation.
+        layers: weight and bias of each; squash: whether a tanh follows the last one.
+        mean, spread: normalisation of observations, None without one; limit: of normalised values.
         low, high: of actions.
     """
 
@@ -48,20 +48,20 @@ class Policy:
 
     @classmethod
     def load(cls, checkpoint: Path) -> Policy:
-        """Reads the policy of a checkpoint.
+        """Read the policy of a checkpoint.
 
         Raises:
-            RunError: a file is missing, torn or none of ours.
+            RunError: a file is missing, truncated or not from this trainer.
         """
         try:
             about = json.loads((checkpoint / ABOUT).read_text(encoding="utf-8"))
             return cls(about, arrays_of((checkpoint / WEIGHTS).read_bytes()))
         except (OSError, ValueError, KeyError, TypeError) as error:
             reason = f"{type(error).__name__}: {error}"
-            raise RunError(f"{checkpoint} holds no policy of joshua-ppo-trainer: {reason}") from error
+            raise RunError(f"{checkpoint} contains no policy of joshua-ppo-trainer: {reason}") from error
 
     def act(self, observations: Any) -> Any:
-        """Actions for observations, shape (N, K), as the environment shows them: shape (N, A), float32."""
+        """Return actions, shape (N, A), float32, for raw observations of the environment, shape (N, K)."""
         values = np.asarray(observations, np.float32)
         if self.mean is not None:
             scaled = (values - self.mean) / self.spread
@@ -84,7 +84,7 @@ class Policy:
 
 
 def arrays_of(content: bytes) -> dict[str, Any]:
-    """The arrays of a safetensors file, without its library. Raises ValueError for a torn file."""
+    """Parse the arrays of a safetensors file without its library. Raises ValueError for a truncated file."""
     start = 8 + int.from_bytes(content[:8], "little")
     if not 8 < start <= len(content):
         raise ValueError("the file is torn")

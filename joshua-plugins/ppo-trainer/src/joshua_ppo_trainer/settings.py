@@ -1,4 +1,4 @@
-"""Settings of the trainer: the fields of ``rl_config``, and what suits each environment without them."""
+"""Settings of the trainer: the fields of ``rl_config``, and the defaults of each environment."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _REQUIRED = ("algorithm", "num_envs", "total_timesteps", "learning_rate", "batch
 
 @dataclass(frozen=True)
 class Suitable:
-    """What suits an environment where the file leaves it open."""
+    """Defaults of an environment for fields that the file omits."""
 
     n_steps: int = 32
     n_epochs: int = 8
@@ -33,7 +33,7 @@ class Suitable:
     normalize_rewards: bool = True
 
 
-#: By the id of the environment. Those of the arm scale their observations and rewards themselves.
+#: Defaults by environment id. Environments of the arm scale their observations and rewards themselves.
 SUITABLE: Mapping[str, Suitable] = {
     "joshua/SoArm100Reach-v0": Suitable(normalize_observations=False, normalize_rewards=False),
     "joshua/SoArm100PickPlace-v0": Suitable(
@@ -44,7 +44,7 @@ SUITABLE: Mapping[str, Suitable] = {
 
 
 class TrainerSettings(BlockSettings):
-    """What the file says of a training; None if it leaves a choice to the environment."""
+    """Settings of a training; None leaves a choice to the environment."""
 
     environment: str = ""
     environment_id: str = ""
@@ -79,7 +79,7 @@ class TrainerSettings(BlockSettings):
 
     @classmethod
     def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
-        """Takes the fields of ``rl_config``, and makes folders absolute."""
+        """Take the fields of ``rl_config``, and make folders absolute."""
         del node
         block: Mapping[str, Any] = values["rl_config"] or {}
         known = {
@@ -116,7 +116,7 @@ class TrainerSettings(BlockSettings):
         return self
 
     def check_batch(self) -> None:
-        """Refuses a mini-batch that never fills, once ``n_steps`` is known. Raises FieldError."""
+        """Refuse a mini-batch that never fills, once ``n_steps`` is known. Raises FieldError."""
         collected = (self.n_steps or 0) * self.num_envs
         if self.algorithm == "PPO" and self.batch_size > collected:
             raise FieldError(
@@ -127,7 +127,7 @@ class TrainerSettings(BlockSettings):
             )
 
     def suitable(self, environment_id: str) -> Self:
-        """The settings with what suits an environment where they leave it open."""
+        """Return the settings, completed by the defaults of an environment."""
         found = SUITABLE.get(environment_id, Suitable())
         open_fields = {
             name: value for name, value in vars(found).items() if getattr(self, name) in (None, (), "")

@@ -1,4 +1,4 @@
-"""Batched environments as stable-baselines3 sees them: arrays, and no dictionary for each environment."""
+"""Batched environments for stable-baselines3: arrays, without a dictionary for each environment."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from joshua_ppo_trainer.normalise import Normaliser
 #: Episodes over which success, return and length are averaged.
 WINDOW = 200
 
-#: What an environment whose episode continues has to say: one dictionary that nobody writes to.
+#: Info of an environment whose episode continues: one shared dictionary, never written to.
 _NOTHING: dict[str, Any] = {}
 
 
 class BatchedVecEnv(VecEnv):  # type: ignore[misc,unused-ignore]
-    """N environments that step together and start again with the step that ended their episode.
+    """N environments that step together and restart in the step that ends their episode.
 
     Args:
         environment: has ``advance``, see ``joshua_mujoco_sim.envs.TermVectorEnv``, in the mode SAME_STEP.
         normaliser: of observations and rewards.
 
     Attributes:
-        episodes: of the last episodes, (return, length, success); done: how many have ended in all.
+        episodes: of the last episodes, (return, length, success); done: total number of ended episodes.
     """
 
     def __init__(self, environment: Any, normaliser: Normaliser) -> None:
@@ -39,18 +39,18 @@ class BatchedVecEnv(VecEnv):  # type: ignore[misc,unused-ignore]
         self._actions: Any = None
 
     def reset(self) -> Any:
-        """Starts all episodes."""
+        """Start all episodes."""
         observations, _ = self.environment.reset()
         self.returns[:] = 0.0
         self.lengths[:] = 0
         return self.normaliser.observation(observations)
 
     def step_async(self, actions: Any) -> None:
-        """Takes the actions of a step."""
+        """Store the actions of a step."""
         self._actions = actions
 
     def step_wait(self) -> tuple[Any, Any, Any, list[dict[str, Any]]]:
-        """Does the step."""
+        """Execute the step."""
         step = self.environment.advance(self._actions)
         over = step.terminated | step.truncated
         self.returns += step.rewards
@@ -72,25 +72,25 @@ class BatchedVecEnv(VecEnv):  # type: ignore[misc,unused-ignore]
         return self.normaliser.observation(step.observations), rewards, over, infos
 
     def close(self) -> None:
-        """Closes the environments."""
+        """Close the environments."""
         self.environment.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute that all environments share, once for each."""
+        """Return an attribute that all environments share, once for each."""
         return [getattr(self.environment, attr_name, None) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Refuses: what environments are is decided where they are made."""
+        """Refuse: environments are configured where they are made."""
         raise NotImplementedError("an environment of a batch cannot be changed by itself")
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Refuses: environments of a batch have no methods of their own."""
+        """Refuse: environments of a batch have no methods of their own."""
         raise NotImplementedError("an environment of a batch has no methods of its own")
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """No environment is wrapped."""
+        """Return False for each: no environment is wrapped."""
         return [False for _ in self._get_indices(indices)]
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Leaves the seeds as they are: the environments have been seeded where they were made."""
+        """Keep the seeds: the environments were seeded where they were made."""
         return [None] * self.num_envs

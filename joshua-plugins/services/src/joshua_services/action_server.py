@@ -1,4 +1,4 @@
-"""An action server by the conventions of ROS 2: three services and two topics. One goal at a time.
+"""Action server by the conventions of ROS 2: three services and two topics, one goal at a time.
 
 Source: ROS 2 design, "Actions"; rcl_action for names and quality of service.
 """
@@ -25,13 +25,13 @@ UNKNOWN, ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = range(7)
 _NONE, _REJECTED, _UNKNOWN_GOAL, _TERMINATED = range(4)
 
 _STATUS_QOS = QosProfile(durability="TRANSIENT_LOCAL", depth=1)
-#: Goals whose results can still be asked for.
+#: Number of goals whose results stay available.
 _REMEMBERED = 50
 
 
 @dataclass
 class Goal:
-    """One goal that was accepted.
+    """One accepted goal.
 
     Attributes:
         identifier: 16 bytes that the client chose; request: the goal's message; stamp_ns: of its acceptance.
@@ -51,12 +51,12 @@ class Goal:
 
 
 class ActionServer:
-    """Serves one action of one node.
+    """Server of one action of one node.
 
     Args:
-        node: that has the action; name: below the node's name; action: its type.
-        refuse: why a goal's message is not accepted, "" if it is.
-        execute: carries a goal out on a thread of its own. Returns its last status and the result's fields.
+        node: owner of the action; name: below the node's name; action: its type.
+        refuse: returns why a goal's message is refused, "" to accept it.
+        execute: executes a goal on its own thread. Returns its last status and the result's fields.
     """
 
     def __init__(
@@ -135,7 +135,7 @@ class ActionServer:
             answer.set_result(goal.result)
 
     def _cancel_goal(self, request: bytes) -> bytes:
-        """Cancel by id, by time or all, as action_msgs/srv/CancelGoal says."""
+        """Cancel by id, by time or all, as action_msgs/srv/CancelGoal specifies."""
         info = decode(f"{CANCEL}_Request", request).goal_info
         identifier, until_ns = bytes(info.goal_id.uuid), info.stamp.sec * 10**9 + info.stamp.nanosec
         with self._lock:

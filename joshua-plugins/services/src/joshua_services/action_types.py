@@ -1,6 +1,6 @@
-"""The types of ROS 2's action FollowJointTrajectory, which the message store does not have.
+"""Types of ROS 2's action FollowJointTrajectory, which the message store lacks.
 
-Source: control_msgs of ROS 2 Jazzy; action_msgs and rosidl for what every action has.
+Source: control_msgs of ROS 2 Jazzy; action_msgs and rosidl for the parts of every action.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _MULTI = "trajectory_msgs/MultiDOFJointTrajectoryPoint"
 
 
 def define_types() -> None:
-    """Make the types known to this process."""
+    """Register the types in this process."""
     define(
         {
             CANCEL: (
@@ -56,7 +56,7 @@ def define_types() -> None:
 
 
 def define_action(action: str, goal: str, result: str, feedback: str) -> None:
-    """Make an action known: its two services and its messages, as rosidl derives them."""
+    """Register an action: its two services and its messages, as rosidl derives them."""
     define(
         {
             f"{action}_SendGoal": (

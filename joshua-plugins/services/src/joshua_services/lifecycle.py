@@ -1,4 +1,4 @@
-"""The lifecycle of a node as ROS 2's managed nodes have it.
+"""Lifecycle of a node, as of ROS 2's managed nodes.
 
 A node of a run is active, or inactive after a fault. The run configures and stops its nodes itself.
 Activating one that has a fault is its verb ``resume``, which enables torque: it is refused to the network.
@@ -39,7 +39,7 @@ def offer_lifecycle(node: ExtendedNode) -> None:
 
 
 def present(node: ExtendedNode) -> tuple[int, str]:
-    """State of a node, by number and label."""
+    """Return the state of a node by number and label."""
     return INACTIVE if node.context.fault_reason else ACTIVE
 
 
@@ -58,7 +58,7 @@ def _transitions(node: ExtendedNode) -> list[Any]:
 
 
 def _change(node: ExtendedNode, request: Any) -> dict[str, Any]:
-    """Answer a request for a transition; the response has no field for a reason, so the log says it."""
+    """Handle a request for a transition; the reason is logged, because the response has no field for it."""
     number, label = int(request.transition.id), str(request.transition.label)
     if not _transitions(node) or (number, label) not in (ACTIVATE, (ACTIVATE[0], ""), (0, ACTIVATE[1])):
         node.context.log.warning(

@@ -1,4 +1,4 @@
-"""Everything that a node offers to ROS 2 beside its topics."""
+"""ROS 2 interfaces of a node beside its topics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parameters of a node: its settings, and what a verb of it can change while it runs."""
+"""Parameters of a node: its settings, and values that its verbs can change at run time."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _PARAMETER = "rcl_interfaces/msg/Parameter"
 class Parameters:
     """The parameter services of one node, and its events on ``/parameter_events``.
 
-    A verb that declares ``sets`` makes a parameter changeable. Setting it calls that verb for a caller in the
-    network, with all its checks.
+    A verb that declares ``sets`` makes a parameter writable. Setting it calls that verb on behalf of a
+    caller in the network, with all its checks.
     """
 
     def __init__(self, node: ExtendedNode) -> None:
@@ -30,7 +30,7 @@ class Parameters:
         self._verbs = {verb.sets: verb for verb in node.verbs if verb.sets}
 
     def offer(self) -> None:
-        """Declare the services, and tell ROS 2 which parameters there are."""
+        """Declare the services, and publish the parameters to ROS 2."""
         for name, answer in (
             ("list_parameters", self._list),
             ("get_parameters", self._get),
@@ -44,11 +44,11 @@ class Parameters:
         self._publish("new_parameters", list(self.values()))
 
     def values(self) -> dict[str, Any]:
-        """The parameters and their present values."""
+        """Return the parameters and their present values."""
         return self._fixed | {name: _present(verb) for name, verb in self._verbs.items()}
 
     def set(self, name: str, value: Any) -> tuple[bool, str]:
-        """Change a parameter; whether that worked, and why not or what happened."""
+        """Change a parameter; return whether it worked, and the reason or result."""
         verb = self._verbs.get(name)
         if verb is None:
             return False, _FIXED if name in self._fixed else f"no parameter {name!r}"
@@ -114,7 +114,7 @@ class Parameters:
     def _set_atomically(self, request: Any) -> dict[str, Any]:
         make = message_class("rcl_interfaces/msg/SetParametersResult")
         if len(request.parameters) > 1:
-            reason = "parameters are set one at a time, use set_parameters"
+            reason = "parameters are set one at a time: use set_parameters"
             return {"result": make(successful=False, reason=reason)}
         done, reason = True, ""
         for item in request.parameters:

@@ -8,7 +8,7 @@ from joshua.api.specs import ExtensionSpec
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Name what every node gets."""
+    """Name the extension of every node."""
     return [
         ExtensionSpec(
             name="ros-services",

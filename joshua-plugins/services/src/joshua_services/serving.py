@@ -16,7 +16,7 @@ def serve(node: ExtendedNode, name: str, kind: str, answer: Answer) -> None:
 
     Args:
         name: below the name of the node, such as ``get_state``.
-        kind: its type; answer: from the request to the fields of the response.
+        kind: its type; answer: maps the request to the fields of the response.
     """
 
     def respond(request: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""The action FollowJointTrajectory of an actuator that takes commands from outside the file.
+"""Action FollowJointTrajectory of an actuator that takes commands from outside the file.
 
 The server publishes the trajectory on the actuator's own external topic, so that limits, ramp, watchdog and
 the rule of one commander hold as for every other commander.
@@ -23,9 +23,9 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 NAME = "follow_joint_trajectory"
 
-#: Largest distance of each joint from its last point where a goal names none: a desk arm sags by less.
+#: Default of a goal's tolerance of each joint at its last point: a desk arm sags by less.
 GOAL_TOLERANCE_RAD = 0.1
-#: Time after the last point in which the joints may still arrive, where a goal names none.
+#: Default of the time after the last point within which the joints may still arrive.
 GOAL_TIME_S = 2.0
 #: Time within which the actuator must publish its state.
 FIRST_STATE_S = 2.0
@@ -36,7 +36,7 @@ _SUCCESSFUL, _INVALID_GOAL, _INVALID_JOINTS, _PATH, _GOAL = 0, -1, -2, -4, -5
 
 
 def trajectory_topic(node: ExtendedNode) -> str:
-    """The topic on which others may send trajectories to an actuator; "" if there is none."""
+    """Return the topic for external trajectories to an actuator; "" if there is none."""
     spec = node.context.spec
     if not isinstance(spec.facts, ActuatorFacts):
         return ""
@@ -45,10 +45,10 @@ def trajectory_topic(node: ExtendedNode) -> str:
 
 
 class TrajectoryServer:
-    """Serves ``NODE/follow_joint_trajectory`` of one actuator.
+    """Server of ``NODE/follow_joint_trajectory`` of one actuator.
 
     Args:
-        node: the actuator's; topic: where it takes trajectories.
+        node: of the actuator; topic: on which it receives trajectories.
     """
 
     def __init__(self, node: ExtendedNode, topic: str) -> None:
@@ -87,7 +87,7 @@ class TrajectoryServer:
         return self._node.context.fault_reason
 
     def _execute(self, goal: Goal) -> tuple[int, dict[str, Any]]:
-        """Carry a goal out; the state of the joints is subscribed to only meanwhile."""
+        """Execute a goal; the joint state is subscribed to only meanwhile."""
         spec = self._node.context.spec
         states = next((item.name for item in spec.publishers if item.type_name == JOINT_STATE), "")
         if not states:
@@ -144,7 +144,7 @@ class TrajectoryServer:
             return np.array([self._position_rad.get(name, np.nan) for name in names])
 
     def _stop(self, names: list[str]) -> None:
-        """Stop the joints where they are; a trajectory without points says that."""
+        """Stop the joints where they are, by a trajectory without points."""
         self._commands.publish(encode(message_class(JOINT_TRAJECTORY)(joint_names=names)))
 
     def _publish_feedback(
@@ -170,14 +170,14 @@ def _seconds(duration: Any) -> float:
 
 
 def _tolerances(given: Any, names: list[str], default: float) -> Any:
-    """The largest distance of each joint in rad; infinite where there is none."""
+    """Return the tolerance of each joint in rad; infinite without a limit."""
     named = {item.name: float(item.position) for item in given}
     found = np.array([named.get(name) or default for name in names])
-    return np.where(found > 0, found, np.inf)  # 0 is no limit of the path, -1 takes one away
+    return np.where(found > 0, found, np.inf)  # 0 means no limit on the path, -1 removes one
 
 
 def _beyond(off: Any, allowed: Any) -> int | None:
-    """The joint that is furthest beyond its tolerance; None if none is."""
+    """Return the joint furthest beyond its tolerance; None if none is."""
     excess = np.where(off > allowed, off - allowed, 0.0)
     return int(excess.argmax()) if excess.any() else None
 

@@ -1,4 +1,4 @@
-"""Values as parameters of ROS 2, and back."""
+"""Conversion between values and ROS 2 parameters."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from joshua.messages import message_class
 
 _VALUE = "rcl_interfaces/msg/ParameterValue"
-# rcl_interfaces/msg/ParameterType, with the field of a ParameterValue; bool before int, which it is one of
+# rcl_interfaces/msg/ParameterType, with the field of a ParameterValue; bool before int, its base class
 _TYPES: tuple[tuple[type, int, str], ...] = (
     (bool, 1, "bool_value"),
     (int, 2, "integer_value"),
@@ -22,7 +22,7 @@ _FIELDS |= {number: field for _, number, field in _TYPES}
 
 
 def flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Settings as parameters: names with dots, values that ROS 2 has a type for."""
+    """Convert settings to parameters: names with dots, values that ROS 2 has a type for."""
     found: dict[str, Any] = {}
     for key, value in settings.items():
         if isinstance(value, Mapping):
@@ -33,7 +33,7 @@ def flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def nested(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The opposite of ``flat``."""
+    """Invert ``flat``."""
     found: dict[str, Any] = {}
     for name, value in values.items():
         *folders, last = name.split(".")
@@ -46,7 +46,7 @@ def nested(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def type_of(value: Any) -> tuple[int, str]:
-    """ParameterType and field of a value; 0 for one that parameters cannot hold."""
+    """Return ParameterType and field of a value; 0 for one that parameters cannot hold."""
     for kind, number, field in _TYPES:
         if isinstance(value, kind):
             return number, field
@@ -59,13 +59,13 @@ def type_of(value: Any) -> tuple[int, str]:
 
 
 def parameter_value(value: Any) -> Any:
-    """A ParameterValue; one without a type for None."""
+    """Return a ParameterValue; one without a type for None."""
     number, field = type_of(value)
     return message_class(_VALUE)(**({"type": number, field: value} if number else {}))
 
 
 def value_of(message: Any) -> Any:
-    """The value in a ParameterValue; None for one without a type."""
+    """Return the value of a ParameterValue; None for one without a type."""
     field = _FIELDS.get(int(message.type))
     value = None if field is None else getattr(message, field)
     return value if value is None or not hasattr(value, "tolist") else value.tolist()

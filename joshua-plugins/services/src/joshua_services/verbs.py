@@ -1,7 +1,7 @@
 """Verbs as services: the types of std_srvs where one fits, else the parameters of rcl_interfaces.
 
-Whoever calls a service is not the local user: what gives torque or moves a joint is refused, with the reason
-in the response.
+The caller of a service is not the local user: verbs that enable torque or move a joint are refused, with the
+reason in the response.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from joshua_services.values import nested, value_of
 
 TRIGGER = "std_srvs/srv/Trigger"
 SET_BOOL = "std_srvs/srv/SetBool"
-#: Every installation of ROS 2 has it, and it carries named values of every type.
+#: Part of every ROS 2 installation; it carries named values of every type.
 NAMED_VALUES = "rcl_interfaces/srv/SetParametersAtomically"
 
 
@@ -34,7 +34,7 @@ def offer_verbs(node: ExtendedNode) -> None:
 
 
 def boolean_field(verb: Verb) -> str:
-    """Name of the only field of a request, if it is a boolean; else ""."""
+    """Return the name of the only field of a request if it is a boolean; else ""."""
     fields = verb.info().request.get("properties", {})
     name = next(iter(fields), "")
     return name if len(fields) == 1 and fields[name].get("type") == "boolean" else ""

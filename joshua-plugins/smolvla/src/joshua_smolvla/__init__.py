@@ -1,1 +1,1 @@
-"""SmolVLA on a robot: pictures, joints and a task in plain words in, joint positions out."""
+"""SmolVLA on a robot: from pictures, joints and a task in plain words to joint positions."""

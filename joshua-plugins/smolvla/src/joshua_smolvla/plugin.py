@@ -16,6 +16,6 @@ def joshua_specs() -> list[PluginSpec]:
             implementation="joshua_smolvla.model:SmolVla",
             settings="joshua_smolvla.settings:SmolVlaSettings",
             ready_timeout_s=READY_TIMEOUT_S,
-            summary="SmolVLA: acts by pictures and a task in plain words",
+            summary="SmolVLA: acts on pictures and a task in plain words",
         )
     ]

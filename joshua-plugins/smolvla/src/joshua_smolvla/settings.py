@@ -10,7 +10,7 @@ from joshua_lerobot.settings import PolicySettings
 
 
 class SmolVlaSettings(PolicySettings):
-    """Settings of SmolVLA; every field may be left out, and the block, too."""
+    """Settings of SmolVLA; every field is optional, and so is the block."""
 
     kind: ClassVar[str] = "smolvla"
     prefix: ClassVar[str] = "smolvla_config."

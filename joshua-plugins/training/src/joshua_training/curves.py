@@ -1,4 +1,4 @@
-"""The picture that a training ends with: its metrics over its steps, as an SVG without any library."""
+"""Picture of a finished training: its metrics over its steps, as an SVG made without a library."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _WIDTH, _HEIGHT = 640, 220
 _LEFT, _RIGHT, _TOP, _BOTTOM = 76, 24, 34, 40
 _COLOURS = ("#1f77b4", "#e07b00", "#2a9d4f", "#b03a8c", "#7a5195", "#8c6d31")
 
-#: Groups of metrics, by what stands before the slash, that say nothing of learning.
+#: Groups of metrics, named before the slash, that do not describe learning.
 _LEFT_OUT = ("rate",)
 
 
 def draw(folder: RunFolder) -> Path | None:
-    """Draws ``metrics.jsonl`` into ``curves.svg``, one plot for each group; None without any metrics.
+    """Draw ``metrics.jsonl`` into ``curves.svg``, one plot for each group; None without any metrics.
 
     Raises:
         OSError: it cannot be written.
@@ -43,7 +43,7 @@ def draw(folder: RunFolder) -> Path | None:
 
 
 def _groups(path: Path) -> dict[str, dict[str, list[tuple[float, float]]]]:
-    """Points (steps, value) by group and name."""
+    """Return points (steps, value) by group and name."""
     found: dict[str, dict[str, list[tuple[float, float]]]] = {}
     lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
     for line in lines:
@@ -62,7 +62,7 @@ def _groups(path: Path) -> dict[str, dict[str, list[tuple[float, float]]]]:
 def _plot(name: str, curves: dict[str, list[tuple[float, float]]]) -> list[str]:
     values = [value for points in curves.values() for _, value in points]
     low, high = min(values), max(values)
-    # what spans powers of ten is seen on a scale of them
+    # values that span powers of ten get a logarithmic scale
     is_log = low > 0 and high / low > 50
     scale = math.log10 if is_log else float
     bottom, top = scale(low), scale(high)

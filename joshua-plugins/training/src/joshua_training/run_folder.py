@@ -1,4 +1,4 @@
-"""The folder of a run: what was asked for, metrics, and checkpoints that are whole or not there."""
+"""Folder of a run: settings, metrics, and checkpoints that are complete or absent."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-#: Checkpoints that are kept beside the one that is being written.
+#: Number of checkpoints kept beside the one being written.
 KEPT = 3
 
-#: Distributions whose versions decide what a training gives.
+#: Distributions whose versions affect the result of a training.
 RECORDED = (
     *("joshua-core", "joshua-training", "joshua-ppo-trainer", "joshua-imitation", "joshua-mujoco-sim"),
     *("joshua-dataset", "stable-baselines3", "lerobot", "transformers", "torch", "torchvision", "mujoco"),
@@ -31,7 +31,7 @@ class RunError(Exception):
 
 
 class LibraryMissing(RunError):
-    """A library that the training stands on is not installed."""
+    """A library that the training requires is not installed."""
 
     exit_code = 3
 
@@ -48,7 +48,7 @@ class RunFolder:
 
     @classmethod
     def create(cls, parent: Path, name: str, facts: Mapping[str, Any]) -> RunFolder:
-        """Makes the folder of a new run, named after it and the time.
+        """Create the folder of a new run, named after it and the time.
 
         Raises:
             RunError: it cannot be written.
@@ -61,53 +61,53 @@ class RunFolder:
             except FileExistsError:
                 continue
             except OSError as error:
-                raise RunError(f"{path} cannot be made: {error.strerror}: set output_folder") from error
+                raise RunError(f"{path} cannot be created: {error.strerror}: set output_folder") from error
             folder = cls(path)
             folder.write_json("run.json", {**facts, "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")})
             return folder
-        raise RunError(f"{parent} holds 1000 runs of this second")
+        raise RunError(f"{parent} contains 1000 runs of this second")
 
     @classmethod
     def open(cls, path: Path) -> RunFolder:
-        """Opens the folder of a run.
+        """Open the folder of a run.
 
         Raises:
             RunError: there is none.
         """
         if not (path / "run.json").is_file():
             raise RunError(
-                f"{path} is no run, because it has no run.json: name the folder that a run logs at its start"
+                f"{path} is not a run, because it has no run.json: name the folder that a run logs at start"
             )
         return cls(path)
 
     def facts(self) -> dict[str, Any]:
-        """What ``run.json`` says. Raises RunError."""
+        """Return the content of ``run.json``. Raises RunError."""
         return _json(self.path / "run.json")
 
     def write(self, name: str, content: bytes) -> Path:
-        """Writes a file at once.
+        """Write a file atomically.
 
         Raises:
-            RunError: the disk does not take it.
+            RunError: writing fails.
         """
         path = self.path / name
         try:
             _durable(path, content)
         except OSError as error:
-            raise RunError(f"{path} cannot be written: {error.strerror}: make room") from error
+            raise RunError(f"{path} cannot be written: {error.strerror}: free some space") from error
         return path
 
     def write_json(self, name: str, content: Mapping[str, Any]) -> None:
-        """Writes a file at once. Raises RunError."""
+        """Write a JSON file atomically. Raises RunError."""
         self.write(name, json.dumps(content, indent=2, sort_keys=True).encode() + b"\n")
 
     def add_metrics(self, row: Mapping[str, Any]) -> None:
-        """Appends a line to ``metrics.jsonl``."""
+        """Append a line to ``metrics.jsonl``."""
         with (self.path / "metrics.jsonl").open("a", encoding="utf-8") as file:
             file.write(json.dumps(row) + "\n")
 
     def cut_metrics(self, steps: int) -> None:
-        """Removes lines after a number of steps, which a continued run computes again, and torn ones."""
+        """Remove lines after a number of steps, which a continued run computes again, and truncated ones."""
         path = self.path / "metrics.jsonl"
         if not path.is_file():
             return
@@ -121,11 +121,11 @@ class RunFolder:
         _durable(path, "".join(kept).encode())
 
     def checkpoints(self) -> list[Path]:
-        """Whole checkpoints, the oldest first."""
+        """Return the complete checkpoints, the oldest first."""
         return sorted(path for path in (self.path / "checkpoints").glob("step_*") if path.is_dir())
 
     def save(self, steps: int, files: Mapping[str, bytes]) -> Path:
-        """Writes a checkpoint of some files, see ``save_by``."""
+        """Write a checkpoint of some files, see ``save_by``."""
 
         def write(draft: Path) -> None:
             for name, content in files.items():
@@ -134,13 +134,13 @@ class RunFolder:
         return self.save_by(steps, write)
 
     def save_by(self, steps: int, write: Callable[[Path], None]) -> Path:
-        """Writes a checkpoint beside the others and puts it in its place at once; removes old ones.
+        """Write a checkpoint, move it into place atomically, and remove old ones.
 
         Args:
             steps: of the training so far; write: puts the files into an empty folder, and folders below it.
 
         Raises:
-            RunError: the disk does not take it; the checkpoints before it are as they were.
+            RunError: writing fails; earlier checkpoints stay unchanged.
         """
         folder = self.path / "checkpoints"
         final, draft = folder / f"step_{steps:012d}", folder / f".step_{steps:012d}.part"
@@ -158,8 +158,8 @@ class RunFolder:
         except OSError as error:
             shutil.rmtree(draft, ignore_errors=True)
             raise RunError(
-                f"{final} cannot be written: {error.strerror or error}: make room, and continue with "
-                "resume_run; the checkpoints before it are whole"
+                f"{final} cannot be written: {error.strerror or error}: free some space, and continue with "
+                "resume_run; earlier checkpoints are complete"
             ) from error
         for old in self.checkpoints()[:-KEPT]:
             shutil.rmtree(old, ignore_errors=True)
@@ -167,21 +167,21 @@ class RunFolder:
 
 
 def refuse_other(before: Mapping[str, Any], wanted: Mapping[str, Any], free: Collection[str]) -> None:
-    """Refuses to continue a run with something else than what it was started with.
+    """Refuse to continue a run with settings other than those of its start.
 
     Args:
         before: the facts of the run; wanted: those of the file; ``settings`` of both are compared one by one.
         free: settings that may change.
 
     Raises:
-        RunError: something is different; names the first.
+        RunError: a setting differs; names the first.
     """
     old = {**before, **before.get("settings", {})}
     new = {**wanted, **wanted.get("settings", {})}
     for key, value in new.items():
         if key != "settings" and key not in free and _plain(old.get(key)) != _plain(value):
             raise RunError(
-                f"the run was started with {key} {old.get(key)}, and the file says {value}: "
+                f"the run was started with {key} {old.get(key)}, but the file says {value}: "
                 "continue with the settings of the run, or start a new one"
             )
 
@@ -191,7 +191,7 @@ def _plain(value: Any) -> Any:
 
 
 def described(folder: Path) -> dict[str, Any]:
-    """Versions, machine and state of git of a folder, for ``run.json``."""
+    """Return versions, machine and the git state of a folder, for ``run.json``."""
     versions = {}
     for name in RECORDED:
         try:
@@ -207,7 +207,7 @@ def described(folder: Path) -> dict[str, Any]:
 
 
 def _git(folder: Path) -> dict[str, Any] | None:
-    """Commit and whether files differ from it; None outside a repository, or without git."""
+    """Return the commit and whether files differ from it; None outside a repository, or without git."""
     answers = []
     for command in (("rev-parse", "HEAD"), ("status", "--porcelain")):
         try:
@@ -226,7 +226,7 @@ def _json(path: Path) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise RunError(f"{path} cannot be read: {error}: choose another run") from error
     if not isinstance(content, dict):
-        raise RunError(f"{path} holds no object: choose another run")
+        raise RunError(f"{path} contains no JSON object: choose another run")
     return content
 
 

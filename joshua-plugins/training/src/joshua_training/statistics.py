@@ -1,4 +1,4 @@
-"""Intervals and tests for figures of episodes, in plain Python; all that is random has a seed."""
+"""Intervals and tests for figures of episodes, in plain Python; every random choice has a seed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Difference:
-    """The second of two paired samples less the first, with a two-sided test that they are alike.
+    """The second of two paired samples minus the first, with a two-sided test of equality.
 
     Attributes:
         better, worse: pairs in which the second is larger, and smaller.
@@ -44,7 +44,7 @@ class Difference:
 
 
 def wilson(successes: int, count: int, confidence: float = 0.95) -> Estimate:
-    """A rate and its score interval (Wilson 1927), which stays within 0 and 1 for few episodes, too."""
+    """Return a rate and its score interval (Wilson 1927), which stays within 0 and 1 for few episodes."""
     if not count:
         return Estimate(math.nan, 0.0, 1.0, 0, "wilson")
     z = NormalDist().inv_cdf(0.5 + confidence / 2)
@@ -58,7 +58,7 @@ def wilson(successes: int, count: int, confidence: float = 0.95) -> Estimate:
 def bootstrap(
     values: Sequence[float], confidence: float = 0.95, samples: int = 10_000, seed: int = 0
 ) -> Estimate:
-    """A mean and its percentile interval from samples with replacement (Efron 1979)."""
+    """Return a mean and its percentile interval from samples with replacement (Efron 1979)."""
     if not values:
         return Estimate(math.nan, math.nan, math.nan, 0, "bootstrap")
     low, high = _quantiles(_means(values, samples, seed), confidence)
@@ -66,7 +66,7 @@ def bootstrap(
 
 
 def mcnemar(first: Sequence[bool], second: Sequence[bool]) -> float:
-    """How likely so unequal successes of equally good policies are: McNemar's exact test, two-sided."""
+    """Return the p-value of McNemar's exact test, two-sided, that two policies succeed equally often."""
     lost = sum(a and not b for a, b in zip(first, second, strict=True))
     won = sum(b and not a for a, b in zip(first, second, strict=True))
     count, least = lost + won, min(lost, won)
@@ -83,16 +83,16 @@ def paired(
     samples: int = 10_000,
     seed: int = 0,
 ) -> Difference:
-    """Compares two policies episode by episode, both from the same starts.
+    """Compare two policies episode by episode, both from the same starts.
 
     Args:
-        first, second: of the same episodes in the same order; rate: they are 0 or 1.
+        first, second: of the same episodes in the same order; rate: whether values are 0 or 1.
 
     Raises:
-        ValueError: there are not as many of both.
+        ValueError: their numbers differ.
     """
     if len(first) != len(second):
-        raise ValueError(f"{len(first)} episodes and {len(second)} are no pairs")
+        raise ValueError(f"{len(first)} episodes and {len(second)} are not pairs")
     differences = [b - a for a, b in zip(first, second, strict=True)]
     if not differences:
         return Difference(math.nan, math.nan, math.nan, 0, 0, 0, 1.0, "none")
@@ -122,7 +122,7 @@ def _means(values: Sequence[float], samples: int, seed: int) -> list[float]:
 
 
 def _quantiles(ordered: Sequence[float], confidence: float) -> tuple[float, float]:
-    """Both ends of the middle share, interpolated between neighbours."""
+    """Return both ends of the middle share, interpolated between neighbours."""
 
     def at(share: float) -> float:
         place = share * (len(ordered) - 1)

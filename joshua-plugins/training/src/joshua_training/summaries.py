@@ -1,4 +1,4 @@
-"""What runs in folders are and have reached, told by their files alone."""
+"""Summaries of runs and their results, from their files alone."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from typing import Any
 from joshua_training.run_folder import RunError, RunFolder
 from joshua_training.statistics import Difference, paired
 
-#: What an evaluation leaves beside ``run.json``, and its kind there.
+#: Result file of an evaluation beside ``run.json``, and its kind there.
 RESULTS, EVALUATION = "results.json", "evaluation"
 
-#: Figures of a training that say how good it is, the most telling first, with their form.
+#: Figures that show the quality of a training, the most important first, with their format.
 _FIGURES = (
     ("episode/success_rate", "success {:.2f}"),
     ("episode/return", "return {:.4g}"),
@@ -37,8 +37,8 @@ class Summary:
 
     Attributes:
         kind: ``training`` or ``evaluation``; task: environment or data set; result: in a few words.
-        steps: of a training, or episodes of an evaluation; checkpoints: that are whole.
-        started: as ``run.json`` says; changed_s: newest change, since the epoch; bytes: of all.
+        steps: of a training, or episodes of an evaluation; checkpoints: complete ones.
+        started: from ``run.json``; changed_s: newest change, since the epoch; bytes: of all.
         figures: the last row of metrics, or the value of each metric of an evaluation.
         problem: why its files cannot be read; "" if they can.
     """
@@ -61,12 +61,12 @@ class Summary:
     problem: str = ""
 
     def as_json(self) -> dict[str, Any]:
-        """For ``--format json``."""
+        """Return the summary for ``--format json``."""
         return asdict(self)
 
 
 def find_runs(parent: Path) -> list[RunFolder]:
-    """The runs directly below a folder, or the folder itself where it is one; the newest last."""
+    """Return the runs directly below a folder, or the folder itself if it is one; the newest last."""
     if (parent / "run.json").is_file():
         return [RunFolder(parent)]
     found = [RunFolder(path.parent) for path in parent.glob("*/run.json")]
@@ -74,7 +74,7 @@ def find_runs(parent: Path) -> list[RunFolder]:
 
 
 def summarise(run: RunFolder) -> Summary:
-    """Reads a run. One whose files are torn is a summary with a problem."""
+    """Summarise a run; truncated files give a summary with a problem."""
     problem, about, rows = "", {}, []
     try:
         about = run.facts()
@@ -109,7 +109,7 @@ def summarise(run: RunFolder) -> Summary:
 
 
 def read_rows(run: RunFolder) -> list[dict[str, Any]]:
-    """The metrics of a run, torn lines left out. Raises RunError."""
+    """Return the metrics of a run without truncated lines. Raises RunError."""
     path = run.path / "metrics.jsonl"
     if not path.is_file():
         return []
@@ -129,7 +129,7 @@ def read_rows(run: RunFolder) -> list[dict[str, Any]]:
 
 
 def differing_settings(summaries: Sequence[Summary]) -> dict[str, list[Any]]:
-    """The settings in which runs differ, seed and task first: one value for each run."""
+    """Return the settings in which runs differ, seed and task first: one value for each run."""
     known: dict[str, list[Any]] = {
         "task": [summary.task for summary in summaries],
         "seed": [summary.seed for summary in summaries],
@@ -142,15 +142,15 @@ def differing_settings(summaries: Sequence[Summary]) -> dict[str, list[Any]]:
 
 
 def compared_episodes(first: RunFolder, second: RunFolder) -> dict[str, Difference]:
-    """Two evaluations from the same starts, episode by episode, for each metric that both measured.
+    """Compare two evaluations from the same starts by episode, for each metric that both measured.
 
     Raises:
-        RunError: one of them is no evaluation, or their starts differ.
+        RunError: one of them is not an evaluation, or their starts differ.
     """
     ours, theirs = _results(first), _results(second)
     for run, results in ((first, ours), (second, theirs)):
         if not results:
-            raise RunError(f"{run.path} is no evaluation, or was not finished: it has no {RESULTS}")
+            raise RunError(f"{run.path} is not an evaluation, or was not finished: it has no {RESULTS}")
     for name in ("environment", "randomise"):
         if ours.get(name) != theirs.get(name):
             raise RunError(
@@ -193,11 +193,11 @@ def removals(
     empty: bool = False,
     now_s: float | None = None,
 ) -> Iterator[Removal]:
-    """What pruning would remove. Runs that changed within ``QUIET_S`` are left alone.
+    """Yield what pruning would remove. Runs that changed within ``QUIET_S`` are left alone.
 
     Args:
-        keep_checkpoints: the newest ones of each run that stay; older_than_s: since the last change of a run
-            that goes as a whole; empty: runs with neither a checkpoint nor results go.
+        keep_checkpoints: number of newest ones to keep in each run; older_than_s: remove runs unchanged for
+            longer; empty: remove runs with neither a checkpoint nor results.
     """
     now_s = time.time() if now_s is None else now_s
     for run in runs:
@@ -216,7 +216,7 @@ def removals(
 
 
 def remove(removal: Removal) -> None:
-    """Removes it; what is named like a checkpoint is whole at any time.
+    """Remove a run or a checkpoint; whatever is named like a checkpoint stays complete at any time.
 
     Raises:
         RunError: it cannot be removed.
@@ -242,7 +242,7 @@ def _results(run: RunFolder) -> dict[str, Any]:
 
 
 def _metrics(results: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Each metric of the first checkpoint of an evaluation."""
+    """Return each metric of the first checkpoint of an evaluation."""
     return dict(results["metrics"])
 
 

@@ -14,8 +14,8 @@ SUMMARY = "look at checkpoints of policies, fetch and export them"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the actions of ``joshua policy``."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    one(actions, "show", "what a checkpoint needs of the robot, without loading it")
-    one(actions, "fetch", "download a checkpoint from the hub, with the language model that it stands on")
+    one(actions, "show", "show what a checkpoint requires of the robot, without loading it")
+    one(actions, "fetch", "download a checkpoint from the hub, with the language model that it builds on")
     export = one(actions, "export", "write a policy as ONNX, which runs without PyTorch (joshua-onnx)")
     export.add_argument("target", type=Path, metavar="TARGET", help="folder of the exported policy")
 
@@ -29,7 +29,7 @@ def one(actions: Any, name: str, text: str) -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Carry the action out. Exit code 0; 1 for a checkpoint that cannot be used; 3 for a missing library."""
+    """Run the action. Exit code 0; 1 for a checkpoint that cannot be used; 3 for a missing library."""
     from joshua.api import ModelError
     from joshua.tools import ExitCode
 
@@ -76,7 +76,7 @@ def _export(arguments: argparse.Namespace) -> int:
 
 
 def _folder(arguments: argparse.Namespace, *, download: bool = False) -> Path:
-    """The folder of a checkpoint: on this machine, or downloaded. Raises CheckpointError."""
+    """Return the folder of a checkpoint: on this machine, or downloaded. Raises CheckpointError."""
     from joshua_lerobot.hub import cached, fetch, is_hub_id
 
     name, revision = arguments.checkpoint, arguments.revision
@@ -88,7 +88,7 @@ def _folder(arguments: argparse.Namespace, *, download: bool = False) -> Path:
 
 
 def description(folder: Path) -> Iterator[str]:
-    """What a checkpoint needs, line by line. Raises CheckpointError."""
+    """Describe what a checkpoint requires, line by line. Raises CheckpointError."""
     from joshua.features import ACTION, STATE
 
     from joshua_lerobot.checkpoint import read_checkpoint

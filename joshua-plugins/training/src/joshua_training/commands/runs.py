@@ -14,22 +14,24 @@ SUMMARY = "list, show, compare and prune runs of trainings and evaluations"
 _WIDTH = 80
 _NARROWEST_NAME = 20
 
-#: In a list, where width is scarce.
+#: Short names of the kinds in a list, where width is scarce.
 _KINDS = {"training": "train", "evaluation": "eval"}
 _DAY_S = 86_400.0
 
-#: Settings and figures that a comparison shows of runs that differ in many.
+#: Most settings and figures that a comparison shows if many differ.
 _MOST_ROWS = 40
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the actions of ``joshua runs``."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    listed = actions.add_parser("list", help="the runs in a folder, the newest last")
+    listed = actions.add_parser("list", help="list the runs in a folder, the newest last")
     _parent(listed)
-    show = actions.add_parser("show", help="settings, versions, figures and checkpoints of a run")
+    show = actions.add_parser("show", help="show settings, versions, figures and checkpoints of a run")
     show.add_argument("name", metavar="RUN", help="folder of a run, or its name below runs/")
-    compare = actions.add_parser("compare", help="what differs between runs, and their figures side by side")
+    compare = actions.add_parser(
+        "compare", help="show the differences between runs, and their figures side by side"
+    )
     compare.add_argument("names", nargs="+", metavar="RUN", help="as for show")
     compare.epilog = (
         "Two evaluations from the same seeds are compared episode by episode: McNemar's exact test for "
@@ -45,15 +47,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--keep-checkpoints", type=_count, metavar="N", help="remove all but the newest N of each run"
     )
     prune.add_argument(
-        "--older-than", type=_days, metavar="DAYS", help="remove runs that have not changed for so long"
+        "--older-than", type=_days, metavar="DAYS", help="remove runs that have not changed for this time"
     )
     prune.add_argument("--empty", action="store_true", help="remove runs without a checkpoint and results")
-    prune.add_argument("--yes", action="store_true", help="remove it; without it, it is only listed")
+    prune.add_argument("--yes", action="store_true", help="remove them (default: only list them)")
     prune.epilog = "A run that changed in the last ten minutes is left alone: it may be running."
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Carry the action out. Exit code 0; 1 for a run that cannot be read, 2 for a wrong argument."""
+    """Run the action. Exit code 0; 1 for a run that cannot be read, 2 for a wrong argument."""
     from joshua.tools import ExitCode
 
     from joshua_training.run_folder import RunError
@@ -69,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 class _WrongArgument(Exception):
-    """What the command line names is not there."""
+    """The command line names something that does not exist."""
 
 
 def _list(arguments: argparse.Namespace) -> int:
@@ -83,7 +85,7 @@ def _list(arguments: argparse.Namespace) -> int:
         _write(json.dumps([summary.as_json() for summary in summaries], indent=2))
         return 0
     if not summaries:
-        _write(f"{parent} holds no run. A run is a folder with run.json, which a training makes")
+        _write(f"{parent} contains no run. A run is a folder with run.json, which a training creates")
         return 0
     rows = [["RUN", "KIND", "STEPS", "RESULT"]]
     for summary in summaries:
@@ -219,7 +221,12 @@ def _prune(arguments: argparse.Namespace) -> int:
 
 def _parent(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "folder", nargs="?", type=Path, default=Path("runs"), metavar="FOLDER", help="of runs (default runs)"
+        "folder",
+        nargs="?",
+        type=Path,
+        default=Path("runs"),
+        metavar="FOLDER",
+        help="folder of runs (default runs)",
     )
 
 
@@ -243,7 +250,7 @@ def _opened(name: str) -> Any:
             return RunFolder.open(path)
     known = nearest_first(name, [found.path.name for found in find_runs(Path("runs"))])[:3]
     near = f"; in runs/ there are {', '.join(known)}" if known else ""
-    raise _WrongArgument(f"{name} is no run, because it has no run.json{near}")
+    raise _WrongArgument(f"{name} is not a run, because it has no run.json{near}")
 
 
 def _as_json(arguments: argparse.Namespace) -> bool:
@@ -288,7 +295,7 @@ def _size(count: int) -> str:
 
 
 def _shortened(text: str, width: int) -> str:
-    """A text with its middle left out, because the ends tell names apart."""
+    """Shorten a text in the middle, because the ends distinguish names."""
     if len(text) <= width:
         return text
     half = (width - 1) // 2
@@ -301,7 +308,7 @@ def _write(text: str) -> None:
 
 def _count(text: str) -> int:
     if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number from 0 on")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of at least 0")
     return int(text)
 
 
