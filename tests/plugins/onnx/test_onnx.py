@@ -80,7 +80,7 @@ def test_a_policy_that_fits_is_valid_and_another_camera_is_named(tmp_path: Path,
 def test_a_file_that_is_not_whole_is_found_by_its_length(tmp_path: Path, exported: Path):
     (exported / "policy.onnx").write_bytes(NETWORK[:-1])
     ((message, remedy),) = findings(write_robot(tmp_path / "robot.pbtxt", "policy", block=BLOCK))
-    assert f"has {len(NETWORK) - 1} bytes, and {len(NETWORK)} were exported" in message
+    assert f"has {len(NETWORK) - 1} bytes, but {len(NETWORK)} were exported" in message
     assert remedy == "Copy or download the policy again."
 
 
