@@ -310,7 +310,7 @@ def test_values_of_the_data_set_that_are_no_numbers_are_named(
 ) -> None:
     made = learner(batch_size=20)
     made._recording.numbers["action"][:] = math.nan
-    with pytest.raises(DivergedError, match="action of the data set has values that are no numbers: run"):
+    with pytest.raises(DivergedError, match="action of the data set has values that are not numbers: run"):
         made.update()
     made.close()
 
@@ -348,7 +348,7 @@ def test_without_memory_the_setting_that_halves_it_is_named(recording: Path) -> 
 
 
 def test_a_data_set_that_cannot_be_used_is_named(recording: Path, tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="is no folder here, and LeRobot cannot load it from the hub"):
+    with pytest.raises(RunError, match="is not a folder here, and LeRobot cannot load it from the hub"):
         build(settings(Path("acme/nothing")))
     short = write_recording(tmp_path / "short", lengths=(3,))
     with pytest.raises(RunError, match="too short for a chunk of this policy"):

@@ -102,7 +102,7 @@ def torn(folder: Path, policy: Path, change: str) -> Path:
     [
         ("weights", "is incomplete: it has no policy.safetensors"),
         ("json", "policy.json is truncated or not JSON"),
-        ("foreign", "was written by no trainer of JOSHUA"),
+        ("foreign", "was not written by a trainer of JOSHUA"),
         ("nothing", "holds neither a run (run.json), nor a policy of a trainer (policy.json)"),
     ],
 )

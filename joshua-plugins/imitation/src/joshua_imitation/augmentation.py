@@ -1,4 +1,4 @@
-"""Random changes of pictures that the seed and the update decide, whichever thread prepares a batch."""
+"""Random changes of pictures, determined by seed and update, whichever thread prepares a batch."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import torch
 
 from joshua_imitation.data import Array
 
-#: Weights of red, green and blue in the brightness that the eye sees.
+#: Weights of red, green and blue in perceived brightness.
 _GREY = (0.299, 0.587, 0.114)
 
 
 @dataclass(frozen=True)
 class Augmentation:
-    """What changes.
+    """Settings of the random changes.
 
     Attributes:
         colour: largest change of brightness, contrast and saturation, as a share.
@@ -29,12 +29,12 @@ class Augmentation:
     seed: int
 
     def chances(self, frames: Array, update: int, number: int) -> Array:
-        """What happens to each sample, (B, 5) from -1 to 1: the same to all its pictures."""
+        """Return the changes of each sample, (B, 5) from -1 to 1: the same for all its pictures."""
         draw = np.random.default_rng([self.seed, 3, update, number])
         return draw.uniform(-1.0, 1.0, (len(frames), 5))
 
     def apply(self, pictures: Any, chances: Array) -> Any:
-        """Changed pictures, (B, …, 3, H, W) from 0 to 1."""
+        """Return changed pictures, (B, …, 3, H, W) from 0 to 1."""
         shape = (len(chances), *(1 for _ in pictures.shape[1:]))
         if self.colour:
             factors = torch.from_numpy(1.0 + self.colour * chances[:, :3]).float()
@@ -54,7 +54,7 @@ class Augmentation:
 
 
 def _shifted(pictures: Any, right: int, down: int) -> Any:
-    """Pictures (…, H, W) moved by some pixels; what is open shows the border."""
+    """Shift pictures (…, H, W) by some pixels; the gap repeats the border."""
     height, width = pictures.shape[-2:]
     rows = torch.arange(height).sub(down).clamp(0, height - 1)
     columns = torch.arange(width).sub(right).clamp(0, width - 1)

@@ -1,4 +1,4 @@
-"""From the settings to what learns: data set, policy, order of the batches."""
+"""Build a training from its settings: data set, policy, order of the batches."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from joshua_imitation.settings import ImitationSettings
 
 @dataclass(frozen=True)
 class Built:
-    """What learns, as soon as its run has a folder.
+    """A training that is ready to start when its run has a folder.
 
     Attributes:
-        learner: makes it, given the folder; album: pictures, to be filled first.
-        features: of the policy's inputs and outputs by key, their shapes.
-        weights: that learn; frames, learned: frames and episodes to learn from; kept_back: episodes.
+        learner: makes the learner, given the folder; album: pictures, to be filled first.
+        features: shapes of the policy's inputs and outputs by key.
+        weights: trainable ones; frames, learned: frames and episodes to learn from; kept_back: episodes.
     """
 
     learner: Callable[[RunFolder], Learner]
@@ -41,10 +41,10 @@ class Built:
 
 
 def build(settings: ImitationSettings, continued: Path | None = None) -> Built:
-    """Makes everything but the learner itself.
+    """Build everything but the learner itself.
 
     Args:
-        continued: checkpoint of a run that goes on.
+        continued: checkpoint of the run to continue.
 
     Raises:
         RunError: data set, settings or checkpoint do not fit; LibraryMissing.
@@ -118,7 +118,7 @@ def build(settings: ImitationSettings, continued: Path | None = None) -> Built:
 
 
 def _device(settings: ImitationSettings) -> str:
-    """The device that the file asks for. Raises RunError where it is not there."""
+    """Return the device that the file names. Raises RunError if it does not exist."""
     there: dict[str, Any] = {
         "cuda": torch.cuda.is_available,
         "mps": torch.backends.mps.is_available,
@@ -135,5 +135,5 @@ def _device(settings: ImitationSettings) -> str:
     else:
         chosen = settings.device
     if settings.precision == "float16" and chosen != "cuda":
-        raise RunError(f'float16 requires cuda, and the device is {chosen}: set precision: "bfloat16"')
+        raise RunError(f'float16 requires cuda, but the device is {chosen}: set precision: "bfloat16"')
     return chosen

@@ -18,13 +18,13 @@ Array = npt.NDArray[Any]
 
 PICTURES = "observation.images."
 
-#: State of the surroundings, which LeRobot's policies take beside or in place of pictures.
+#: State of the environment, which LeRobot's policies accept beside or instead of pictures.
 SURROUNDINGS = "observation.environment_state"
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Which frames around one a policy sees and predicts, as distances; () for the frame itself."""
+    """Frames around one that a policy sees and predicts, as offsets; () for the frame itself."""
 
     seen: tuple[int, ...] = ()
     done: tuple[int, ...] = ()
@@ -34,7 +34,7 @@ class Recording:
     """The numbers of a data set, all frames one after the other.
 
     Args:
-        dataset: its metadata; cameras: whose pictures count, () for all.
+        dataset: its metadata; cameras: to learn from, () for all.
 
     Attributes:
         episodes: in their order; numbers: by key, (N, D) float32; pictures: keys of cameras.
@@ -79,31 +79,31 @@ class Recording:
         return len(self.first)
 
     def frames(self, episodes: Sequence[int], drop_last: int = 0) -> Array:
-        """Numbers of the frames of some episodes, without the last ones of each."""
+        """Return the numbers of the frames of some episodes, without the last ones of each."""
         starts = np.unique(self.first)
         ends = np.append(starts[1:], len(self))
         found = [np.arange(starts[i], max(starts[i], ends[i] - drop_last)) for i in episodes]
         return np.concatenate(found) if found else np.zeros(0, np.int64)
 
     def split(self, share: float, seed: int) -> tuple[list[int], list[int]]:
-        """Episodes to learn from and episodes that are kept back, drawn by the seed."""
+        """Return the episodes to learn from and those kept back, drawn by the seed."""
         count = len(self.episodes)
         kept = min(count - 1, max(1, round(share * count))) if share > 0 else 0
         back = set(np.random.default_rng([seed, 1]).permutation(count)[:kept].tolist())
         return [i for i in range(count) if i not in back], sorted(back)
 
     def window(self, frames: Array, distances: tuple[int, ...]) -> tuple[Array, Array]:
-        """Frames at some distances, (B, K), kept inside their episode, and which are not in it."""
+        """Return the frames at some offsets, (B, K), clipped to their episode, and which are outside it."""
         wanted = frames[:, None] + np.asarray(distances)
         held = np.clip(wanted, self.first[frames, None], self.last[frames, None])
         return held, held != wanted
 
 
 def open_dataset(place: str) -> Dataset:
-    """The metadata of a data set in a folder, or of one on the hub, which LeRobot's own loader fetches.
+    """Read the metadata of a data set in a folder, or on the hub, from where LeRobot's loader fetches it.
 
     Raises:
-        RunError: it is neither, or cannot be read.
+        RunError: it does not exist, or cannot be read.
     """
     folder = Path(place)
     if not folder.is_dir():
@@ -128,6 +128,6 @@ def _fetched(name: str) -> Path:
     except Exception as error:
         said = str(error).strip().partition("\n")[0]
         raise RunError(
-            f"{name} is no folder here, and LeRobot cannot load it from the hub: {type(error).__name__}: "
+            f"{name} is not a folder here, and LeRobot cannot load it from the hub: {type(error).__name__}: "
             f"{said}: correct dataset_name, or connect this machine"
         ) from error

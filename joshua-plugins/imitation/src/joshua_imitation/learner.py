@@ -1,4 +1,4 @@
-"""Learning, one update after the other, with a state that can be written between any two."""
+"""Learning in updates, with a state that can be saved after each."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Learner:
     """Trains a policy.
 
     Args:
-        settings: of the file; parts: what is trained; recording: that it learns from.
-        maker: of the batches to learn from, judge: of those to measure by; frames: of both.
+        settings: of the file; parts: what is trained; recording: training data.
+        maker: of training batches; judge: of validation batches; frames: of both.
         folder: of the run; device: name of torch's.
 
     Attributes:
@@ -59,7 +59,7 @@ class Learner:
         self.total, self._folder, self._device = total, folder, device
         self.steps = 0
         self._half = _DTYPES.get(settings.precision)
-        # without an accelerator it does nothing
+        # without an accelerator it has no effect
         self._scaler = torch.amp.GradScaler(device, enabled=settings.precision == "float16")
         self._window: dict[str, float] = {}
         self._window_steps = 0
@@ -68,10 +68,10 @@ class Learner:
         self._waited_s = 0.0
 
     def update(self) -> dict[str, float] | None:
-        """Learns from the next batches; a row of metrics where one is due.
+        """Learn from the next batches; return a row of metrics if one is due.
 
         Raises:
-            DivergedError: the loss or the gradient is not a number; the weights are those before.
+            DivergedError: the loss or the gradient is not a number; the weights are those from before.
             RunError: the memory does not suffice.
         """
         if self._loader is None:
@@ -94,7 +94,7 @@ class Learner:
         return row
 
     def validate(self) -> float:
-        """The loss on episodes that are kept back, by the same noise each time."""
+        """Return the loss on the episodes kept back, with the same noise each time."""
         policy, settings = self.parts.policy, self._settings
         count = min(len(self._kept_back), settings.validation_batches * settings.batch_size)
         chosen = self._kept_back[np.linspace(0, len(self._kept_back) - 1, count).astype(int)]
@@ -111,7 +111,7 @@ class Learner:
         return total / count
 
     def close(self) -> None:
-        """Ends the threads."""
+        """End the threads."""
         if self._loader is not None:
             self._loader.close()
 
@@ -194,7 +194,7 @@ class Learner:
             and not torch.isfinite(value).all()
         ]
         remedy = (
-            f"{', '.join(bad)} of the data set has values that are no numbers: run `joshua dataset check "
+            f"{', '.join(bad)} of the data set has values that are not numbers: run `joshua dataset check "
             f"{self._recording.dataset.folder}`"
             if bad
             else 'lower learning_rate or max_grad_norm, or set precision: "float32"'
@@ -205,7 +205,7 @@ class Learner:
         )
 
     def save(self) -> Path:
-        """Writes a checkpoint. Raises RunError."""
+        """Write a checkpoint. Raises RunError."""
         return self._folder.save_by(self.steps, self._write)
 
     def _write(self, folder: Path) -> None:
@@ -223,7 +223,7 @@ class Learner:
                     if weight.requires_grad:
                         arrays[f"weight.{name}"] = weight.detach().cpu().contiguous()
             save_file(arrays, folder / TRAINING)
-        except SafetensorError as error:  # a full disk, as the library says it
+        except SafetensorError as error:  # a full disk, as the library reports it
             raise OSError(str(error)) from error
         state = {
             "format": 1,
@@ -238,10 +238,10 @@ class Learner:
         (folder / STATE).write_text(json.dumps(state, indent=2, sort_keys=True) + "\n", encoding="utf-8")
 
     def restore(self, folder: Path) -> None:
-        """Goes on where a checkpoint was written; its weights are those of the policy already.
+        """Continue from a checkpoint, whose weights the policy already has.
 
         Raises:
-            RunError: a file is missing, torn or none of ours, or it is of another network.
+            RunError: a file is missing, truncated or not from this trainer, or belongs to another network.
         """
         arrays, state = read_state(folder)
         parts = self.parts
@@ -281,7 +281,7 @@ class Learner:
 
 
 def read_state(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What a checkpoint holds beside its policy. Raises RunError."""
+    """Read the parts of a checkpoint beside its policy. Raises RunError."""
     try:
         arrays = load_file(folder / TRAINING)
         state = json.loads((folder / STATE).read_text(encoding="utf-8"))
@@ -295,7 +295,7 @@ def read_state(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The state of a schedule without its functions, which the settings give again."""
+    """Return the state of a schedule without its functions, which the settings recreate."""
     return {
         key: value
         for key, value in values.items()

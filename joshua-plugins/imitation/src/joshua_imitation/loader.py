@@ -1,4 +1,4 @@
-"""Batches in an order that the seed decides, prepared ahead by any number of threads."""
+"""Batches in an order determined by the seed, prepared ahead by any number of threads."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from joshua_imitation.pictures import Album
 
 Batch = dict[str, Any]
 
-#: Batches that each thread prepares ahead.
+#: Number of batches that each thread prepares ahead.
 _AHEAD = 2
 
 
 class Order:
-    """Which frames each update takes: a new permutation in each epoch.
+    """Frames of each update: a new permutation in each epoch.
 
     Args:
         frames: to learn from; batch_size: of one batch; accumulated: batches of one update.
@@ -37,7 +37,7 @@ class Order:
         self._epoch, self._mixed = -1, frames
 
     def batches(self, update: int) -> list[Array]:
-        """Frames of the batches of an update, counted from 0."""
+        """Return the frames of the batches of an update, counted from 0."""
         epoch, at = divmod(update, self.updates_per_epoch)
         if epoch != self._epoch:
             self._mixed = np.random.default_rng([self._seed, 2, epoch]).permutation(self._frames)
@@ -50,7 +50,7 @@ class Maker:
     """Makes batches as LeRobot's data sets do: joints, chunks of actions, pictures from 0 to 1, tasks.
 
     Args:
-        recording, album: what is learned from; windows: of the policy; augmentation: None for none.
+        recording, album: training data; windows: of the policy; augmentation: None for none.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Maker:
         self._augmentation = augmentation
 
     def make(self, frames: Array, update: int = 0, number: int = 0) -> Batch:
-        """The batch of some frames; ``update`` and ``number`` of the batch in it seed the augmentation."""
+        """Make the batch of some frames; ``update`` and the batch's ``number`` seed the augmentation."""
         recording, windows = self._recording, self._windows
         batch: Batch = {}
         chances = self._augmentation.chances(frames, update, number) if self._augmentation else None
@@ -88,14 +88,14 @@ class Maker:
 
 
 class Loader:
-    """Hands out the batches of update after update.
+    """Iterator over the batches of each update.
 
     Args:
         maker, order: of the batches; first: update to begin with; last: one after the end.
-        threads: that prepare; 0 prepares when asked.
+        threads: that prepare ahead; 0 prepares on demand.
 
     Attributes:
-        waited_s: how long ``next`` took in all.
+        waited_s: total time spent in ``next``.
     """
 
     def __init__(self, maker: Maker, order: Order, first: int, last: int, threads: int) -> None:
@@ -110,7 +110,7 @@ class Loader:
         return self
 
     def __next__(self) -> list[Batch]:
-        """The batches of the next update."""
+        """Return the batches of the next update."""
         began = time.perf_counter()
         try:
             if self._pool is None:

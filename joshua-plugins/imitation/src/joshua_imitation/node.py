@@ -1,4 +1,4 @@
-"""The trainer's node: reads the data set, learns beside its loop, writes the run's folder."""
+"""Node of the trainer: reads the data set, learns on its own thread, writes the run's folder."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from joshua_training.run_folder import LibraryMissing, RunError, RunFolder, desc
 
 from joshua_imitation.settings import SAVE_S, ImitationSettings
 
-#: An update on a slow machine gives no sign of life for this long at most.
+#: Longest time without a heartbeat, during an update on a slow machine.
 HANG_S = 1800.0
 
 #: Settings that a continued run may change.
@@ -45,7 +45,7 @@ class ImitationTrainer(Trainer):
         self._saved = -1
 
     def configure(self) -> None:
-        """Makes or opens the run, and the policy."""
+        """Make or open the run, and make the policy."""
         os.environ.setdefault("TOKENIZERS_PARALLELISM", "false")
         settings = self._settings
         try:
@@ -95,21 +95,21 @@ class ImitationTrainer(Trainer):
         )
 
     def activate(self) -> None:
-        """Starts to learn."""
+        """Start learning."""
         assert self._folder is not None
         self.context.log.info("this run is in %s", self._folder.path)
         self._ended.clear()
         self.context.spawn_thread(self._learn, name="learner", hang_after_s=HANG_S)
 
     def deactivate(self) -> None:
-        """Waits for the last checkpoint."""
+        """Wait for the last checkpoint."""
         if not self._ended.wait(SAVE_S):
             self.context.log.warning(
-                "the learner did not stop within %g s; its last checkpoint is whole", SAVE_S
+                "the learner did not stop within %g s; its last checkpoint is complete", SAVE_S
             )
 
     def cleanup(self) -> None:
-        """Removes the decoded pictures."""
+        """Remove the decoded pictures."""
         album, self._album = self._album, None
         if album is not None and self._ended.is_set():
             album.close()
@@ -144,11 +144,11 @@ class ImitationTrainer(Trainer):
                 )
         except OSError as error:
             raise RunError(
-                f"{folder.path} cannot be written: {error.strerror or error}: free some space, and continue with "
-                "resume_run"
+                f"{folder.path} cannot be written: {error.strerror or error}: free some space, and continue "
+                "with resume_run"
             ) from error
         except RunError:
-            self._save_if_possible()  # the state before what failed
+            self._save_if_possible()  # the state from before the failure
             raise
         finally:
             if board is not None:
@@ -179,7 +179,7 @@ class ImitationTrainer(Trainer):
 
 
 class _Told:
-    """Shows how far decoding is; false when the run stops."""
+    """Shows the progress of decoding; false when the run stops."""
 
     def __init__(self, context: NodeContext, frames: int) -> None:
         self._context, self._frames, self._done = context, frames, 0
@@ -191,7 +191,7 @@ class _Told:
 
 
 def _shown(row: dict[str, float]) -> str:
-    """The figures of an update for the status line."""
+    """Format the figures of an update for the status line."""
     names = (
         ("loss/train", "loss {:.4g}"),
         ("loss/validation", "validation {:.4g}"),

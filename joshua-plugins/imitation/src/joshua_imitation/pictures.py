@@ -1,4 +1,4 @@
-"""The pictures of a data set at the size that a policy sees: decoded once, or while they are read."""
+"""Pictures of a data set at the size of the policy's input: decoded once, or while they are read."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class PictureStore:
     """Pictures of some frames of one camera, by their number.
 
     Args:
-        recording: whose; key: of the camera; size: (height, width) that a policy sees.
-        file: that keeps them decoded; None decodes each when it is asked for.
+        recording: whose; key: of the camera; size: (height, width) of the policy's input.
+        file: cache of decoded pictures; None decodes each on demand.
     """
 
     def __init__(self, recording: Recording, key: str, size: tuple[int, int], file: Path | None) -> None:
@@ -35,7 +35,7 @@ class PictureStore:
             self._kept = np.memmap(file, np.uint8, "w+", shape=(len(recording), *size, 3))
 
     def fill(self, told: Callable[[int], bool]) -> bool:
-        """Decodes all; ``told`` hears of each episode and says whether to go on."""
+        """Decode all; ``told`` is called after each episode and returns whether to continue."""
         recording, at = self._recording, 0
         for episode in recording.episodes:
             for picture in _decoded(recording.dataset, episode, self._key):
@@ -45,13 +45,13 @@ class PictureStore:
                 return False
         if at != len(recording):
             raise RunError(
-                f"{recording.dataset.folder} has {len(recording)} frames and {at} pictures of {self._key}: "
+                f"{recording.dataset.folder} has {len(recording)} frames, but {at} pictures of {self._key}: "
                 f"run `joshua dataset check {recording.dataset.folder}`"
             )
         return True
 
     def get(self, frames: Array) -> Array:
-        """Pictures, (…, H, W, 3) uint8. Raises RunError."""
+        """Return pictures, (…, H, W, 3) uint8. Raises RunError."""
         if self._kept is not None:
             return np.asarray(self._kept[frames])
         flat = [self._one(int(frame)) for frame in frames.reshape(-1)]
@@ -72,7 +72,7 @@ class PictureStore:
 
 
 class Album:
-    """The pictures of all cameras of a recording.
+    """Pictures of all cameras of a recording.
 
     Args:
         recording: whose; size: (height, width), None as recorded; room_mb: for decoded ones.
@@ -106,11 +106,11 @@ class Album:
         self.frames = len(recording) * len(self._stores)
 
     def fill(self, told: Callable[[int], bool]) -> bool:
-        """Decodes all where there is room; False if it was asked to stop."""
+        """Decode all if there is room; return False if the run stops."""
         return not self.decoded or all(store.fill(told) for store in self._stores.values())
 
     def get(self, key: str, frames: Array) -> Array:
-        """Pictures of a camera, (…, H, W, 3) uint8."""
+        """Return pictures of a camera, (…, H, W, 3) uint8."""
         return self._stores[key].get(frames)
 
     def close(self) -> None:
@@ -121,7 +121,7 @@ class Album:
 
 
 def scaled(picture: Array, size: tuple[int, int]) -> Array:
-    """A picture in another size, each pixel the average of those that it covers."""
+    """Scale a picture, each pixel the average of those that it covers."""
     if picture.shape[:2] == size:
         return picture
     frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")

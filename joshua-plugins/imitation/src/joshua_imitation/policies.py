@@ -1,4 +1,4 @@
-"""LeRobot's policies for a data set: from the settings to a network, its optimiser and its processors."""
+"""LeRobot's policies for a data set: network, optimiser and processors from the settings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from joshua_training.run_folder import LibraryMissing, RunError
 from joshua_imitation.data import Windows
 from joshua_imitation.settings import ImitationSettings
 
-#: Mean and spread of the colours of ImageNet, by which its pretrained networks see.
+#: Mean and spread of the colours of ImageNet, which normalise the input of its pretrained networks.
 _IMAGENET = {"mean": (0.485, 0.456, 0.406), "std": (0.229, 0.224, 0.225)}
 
 _BACKBONE = "ResNet18_Weights.IMAGENET1K_V1"
@@ -28,7 +28,7 @@ _BACKBONE = "ResNet18_Weights.IMAGENET1K_V1"
 
 @dataclass
 class Parts:
-    """What is trained.
+    """Parts of a training.
 
     Attributes:
         policy: LeRobot's, perhaps wrapped by adapters; before, after: its processors.
@@ -53,7 +53,7 @@ class Parts:
 def make_config(
     settings: ImitationSettings, dataset: Dataset, sizes: Mapping[str, tuple[int, int]], device: str
 ) -> tuple[Any, Path | None, Path | None]:
-    """The configuration of the policy, the folder of the checkpoint it starts from, and its language model's.
+    """Return the policy's configuration, the folder of its initial checkpoint, and its language model's.
 
     Raises:
         RunError: the settings or the checkpoint do not fit the data set.
@@ -105,7 +105,7 @@ def make_config(
 
 
 def _start(settings: ImitationSettings) -> tuple[Path, dict[str, Any]]:
-    """Folder and configuration of the checkpoint to start from."""
+    """Return folder and configuration of the checkpoint to start from."""
     try:
         folder = Path(settings.pretrained)
         if not folder.is_dir():
@@ -122,7 +122,7 @@ def _start(settings: ImitationSettings) -> tuple[Path, dict[str, Any]]:
 
 
 def _chosen(settings: ImitationSettings, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of the policy's configuration that the file decides."""
+    """Return the fields of the policy's configuration that the file sets."""
     policy = settings.policy_type
     chosen: dict[str, Any] = {"optimizer_lr": settings.learning_rate}
     if settings.weight_decay is not None:
@@ -166,12 +166,12 @@ def make_parts(
     steps: Callable[[int], int],
     continued: Path | None = None,
 ) -> Parts:
-    """Makes everything that is trained.
+    """Make everything that is trained.
 
     Args:
         sizes: (height, width) of pictures by key; steps: of the whole training, given how many frames
             at the end of each episode are left out.
-        continued: folder of the policy of a run that goes on, whose weights are taken.
+        continued: folder of the policy of the run to continue, whose weights are loaded.
 
     Raises:
         RunError: settings, data set or checkpoint do not fit; LibraryMissing.
@@ -267,7 +267,7 @@ def _adapted(policy: Any, settings: ImitationSettings, start: Path | None) -> An
 
 
 def _learn_by_l1(policy: Any) -> None:
-    """Has diffusion measure its error by the absolute value: LeRobot's own function with the other loss."""
+    """Make diffusion use the absolute error: LeRobot's own function with the other loss."""
     from types import FunctionType, SimpleNamespace
 
     own = type(policy.diffusion).compute_loss
@@ -279,9 +279,9 @@ def _learn_by_l1(policy: Any) -> None:
 
 
 def save_policy(parts: Parts, dataset: Dataset, folder: Path) -> None:
-    """Writes the policy as LeRobot keeps it, with the description of its data set beside it."""
+    """Write the policy in LeRobot's format, with the description of its data set beside it."""
     policy = parts.policy
-    if parts.adapters:  # merged, so that whoever loads it needs no adapters
+    if parts.adapters:  # merged, so that loading requires no adapters
         policy = copy.deepcopy(policy).merge_and_unload()
         policy.config.use_peft = False
     folder.mkdir(parents=True, exist_ok=True)
@@ -301,7 +301,7 @@ def save_policy(parts: Parts, dataset: Dataset, folder: Path) -> None:
 
 
 def is_out_of_memory(error: BaseException) -> bool:
-    """Whether an error says that memory does not suffice, on a processor or an accelerator."""
+    """Return whether an error means that memory is full, on a processor or an accelerator."""
     said = str(error)
     return (
         isinstance(error, (MemoryError, torch.OutOfMemoryError))
@@ -311,7 +311,7 @@ def is_out_of_memory(error: BaseException) -> bool:
 
 
 def without_memory(settings: ImitationSettings, device: str) -> RunError:
-    """What to change without enough memory: the setting that halves it."""
+    """Return what to change if memory is full: the setting that halves its use."""
     if settings.batch_size > 1:
         half = settings.batch_size // 2
         more = settings.accumulation_steps * -(-settings.batch_size // half)

@@ -1,4 +1,4 @@
-"""Settings of the trainer: the fields of ``imitation_config``, and what a policy fixes by itself."""
+"""Settings of the trainer: the fields of ``imitation_config``, and those that a policy fixes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from joshua.api import BlockContext, BlockSettings, FieldError, FieldErrors
 from pydantic import model_validator
 from typing_extensions import Self
 
-#: Losses that each policy can learn by, its own first.
+#: Losses that each policy supports, its own first.
 LOSSES: Mapping[str, tuple[str, ...]] = {"act": ("l1",), "diffusion": ("mse", "l1"), "smolvla": ("mse",)}
 
 #: Why a policy has its loss.
@@ -40,7 +40,7 @@ SAVE_S = 60.0
 
 
 class ImitationSettings(BlockSettings):
-    """What the file says of a training; None where it leaves a choice to the policy.
+    """Settings of a training; None leaves a choice to the policy.
 
     Attributes:
         dataset: folder of the data set, or its id on the hub.
@@ -88,7 +88,7 @@ class ImitationSettings(BlockSettings):
 
     @classmethod
     def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
-        """Takes the fields of ``imitation_config``, and makes folders absolute."""
+        """Take the fields of ``imitation_config``, and make folders absolute."""
         del node
         block: Mapping[str, Any] = values["imitation_config"] or {}
         known = {
@@ -119,7 +119,7 @@ class ImitationSettings(BlockSettings):
 
     @property
     def loss(self) -> str:
-        """The loss that the policy learns by."""
+        """Loss that the policy learns by."""
         return self.loss_function or LOSSES[self.policy_type][0]
 
     @model_validator(mode="after")
@@ -192,21 +192,21 @@ class ImitationSettings(BlockSettings):
             other = "image_width" if missing == "image_height" else "image_height"
             yield _error(
                 other,
-                f"{other} is there without {missing}, so the size of a picture is not known",
+                f"{other} is set without {missing}, so the size of a picture is not known",
                 remedy=f"add {missing}, or remove {other}",
             )
         if self.precision == "float16" and self.device in ("cpu", "mps"):
             yield _error(
                 "precision",
-                f"float16 requires cuda, and the device is {self.device}",
+                f"float16 requires cuda, but the device is {self.device}",
                 allowed=('"bfloat16"', '"float32"'),
                 remedy='write precision: "bfloat16" or "float32"',
             )
 
     def _dataset_problems(self) -> Iterator[FieldError]:
-        """Where the data set is on this machine: what its description lacks."""
+        """Yield what the description of a local data set lacks."""
         if not (Path(self.dataset) / "meta").is_dir():
-            return  # the checks of the file say so, or it is fetched
+            return  # the checks of the file report it, or it is fetched
         path = Path(self.dataset) / "meta" / "info.json"
         try:
             info = json.loads(path.read_text(encoding="utf-8"))
@@ -222,7 +222,7 @@ class ImitationSettings(BlockSettings):
         if version != "v3.0" or info.get("joshua", {}).get("format", "lerobot") != "lerobot":
             yield _error(
                 "dataset_name",
-                f"{self.dataset} has the layout {_layout(info, version)}, and training reads v3.0 of LeRobot",
+                f"{self.dataset} has the layout {_layout(info, version)}, but training reads v3.0 of LeRobot",
                 remedy=f"run `joshua dataset convert {self.dataset} TARGET`, and name TARGET",
             )
             return
