@@ -353,7 +353,7 @@ def test_a_data_set_that_cannot_be_used_is_named(recording: Path, tmp_path: Path
     short = write_recording(tmp_path / "short", lengths=(3,))
     with pytest.raises(RunError, match="too short for a chunk of this policy"):
         build(settings(short, policy_type="diffusion", **DIFFUSION))
-    with pytest.raises(RunError, match=r'device: "cuda" is not there; PyTorch .* finds cpu'):
+    with pytest.raises(RunError, match=r'device: "cuda" is not available; PyTorch .* finds cpu'):
         build(settings(recording, device="cuda"))
     copy = tmp_path / "copy"
     shutil.copytree(recording, copy)

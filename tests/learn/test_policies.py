@@ -213,7 +213,7 @@ def changed(folder: Path, **values: Any) -> Path:
 
 
 def test_a_device_that_is_not_there_says_what_is(act: Any) -> None:
-    assert 'device: "cuda" is not there; PyTorch' in refusal(act[0], compute=Compute(device="cuda"))
+    assert 'device: "cuda" is not available; PyTorch' in refusal(act[0], compute=Compute(device="cuda"))
     assert 'compute { device: "auto" }' in refusal(act[0], compute=Compute(device="cuda"))
 
 
@@ -233,7 +233,7 @@ def test_a_type_or_a_field_that_this_lerobot_does_not_know_is_named(copy: Path) 
     said = refusal(changed(copy, type="act", warp=1))
     assert "config.json does not fit this LeRobot" in said
     assert "warp" in said
-    assert "is an adapter (PEFT) and no whole policy" in refusal(changed(copy, type="act", use_peft=True))
+    assert "is an adapter (PEFT), not a complete policy" in refusal(changed(copy, type="act", use_peft=True))
 
 
 def test_a_processor_that_this_lerobot_does_not_know_is_named(copy: Path) -> None:
@@ -250,7 +250,7 @@ def test_a_language_model_that_cannot_be_had_is_named(smolvla: Any, tmp_path: Pa
     changed(folder, vlm_model_name="acme/none")
     with pytest.raises(ModelError) as error:
         model_of(SmolVla, SmolVlaSettings, folder)
-    assert "stands on acme/none, whose description and tokenizer cannot be had" in str(error.value)
+    assert "builds on acme/none, whose description and tokenizer cannot be loaded" in str(error.value)
 
 
 def test_without_memory_the_message_names_what_takes_less(act: Any, monkeypatch: pytest.MonkeyPatch) -> None:

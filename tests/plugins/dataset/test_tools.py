@@ -99,7 +99,7 @@ def slow_camera(number: int, values: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     ("edit", "expected"),
     [
-        (slow_camera, f"warning: episode 0: {TOP}: 30 of 60 pictures repeat the one before"),
+        (slow_camera, f"warning: episode 0: {TOP}: 30 of 60 pictures repeat the previous one"),
         (frozen, f"warning: episode 0: {TOP}: frozen for 0.9 s from 1.0 s on"),
         (jump, "warning: episode 0: observation.state: pan jumps by 3.27 rad between two frames"),
     ],
@@ -112,7 +112,7 @@ def test_what_was_recorded_wrong_is_found(tmp_path: Path, edit: Any, expected: s
 def test_an_action_that_no_state_follows_is_found(tmp_path: Path) -> None:
     swing(tmp_path, follows=False)
     found = problems(tmp_path)
-    assert "error: episode 0: action: pan moves by 0.80 rad, and observation.state by 0.00" in found
+    assert "error: episode 0: action: pan moves by 0.80 rad, but observation.state by 0.00" in found
 
 
 @pytest.mark.parametrize(
@@ -174,7 +174,7 @@ def test_a_camera_slower_than_the_frames_is_found(tmp_path: Path) -> None:
             values["acquisition_ns"] = [acquired_ns]
             writer.add_frame(Frame(at_ns, values))
         writer.end_episode("rest")
-    assert problems(tmp_path) == [f"warning: episode 0: {TOP}: 5 of 40 pictures repeat the one before"]
+    assert problems(tmp_path) == [f"warning: episode 0: {TOP}: 5 of 40 pictures repeat the previous one"]
 
 
 def test_missing_and_torn_videos_are_found(tmp_path: Path) -> None:

@@ -282,7 +282,7 @@ def test_actions_that_cannot_be_sent_fail_the_node(model: Any, chunk: Any, messa
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"facts": {}}, "/policy does not know its joints: let an actuator subscribe to /action"),
+        ({"facts": {}}, "/policy has no known joints: let an actuator subscribe to /action"),
         ({"publishers": ()}, "/policy publishes no action: add a publisher of type JOINT_STATE"),
         (
             {"publishers": (TopicSpec(name="/x", type_name="sensor_msgs/msg/Imu", rate_hz=1.0),)},

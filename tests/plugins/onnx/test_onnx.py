@@ -102,7 +102,7 @@ def test_half_precision_is_refused(tmp_path: Path, exported: Path):
 
 
 def test_a_device_that_is_not_there_and_a_broken_network_say_what_to_do(tmp_path: Path, exported: Path):
-    with pytest.raises(ModelError, match=r'device: "cuda" is not there; onnxruntime .* finds cpu'):
+    with pytest.raises(ModelError, match=r'device: "cuda" is not available; onnxruntime .* finds cpu'):
         made(exported, compute=Compute(device="cuda")).load()
     broken = write_exported(tmp_path / "broken", b"not a network")
     with pytest.raises(ModelError, match=r"cannot be loaded: .* Export the policy again"):
@@ -156,7 +156,7 @@ def test_export_without_pytorch_names_what_to_install(
     monkeypatch.setitem(sys.modules, "torch", None)
     assert main(["policy", "export", str(tmp_path / "act"), str(tmp_path / "onnx")]) == 3
     said = capsys.readouterr().err
-    assert "needs torch, which is not installed for" in said
+    assert "requires torch, which is not installed for" in said
     assert "tools/policies.sh policies (PyTorch and LeRobot, 1 to 9 GB)" in said
     assert 'python: "policies/bin/python"' in said
     assert json.loads((tmp_path / "act" / "config.json").read_text())["type"] == "act"

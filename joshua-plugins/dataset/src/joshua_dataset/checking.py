@@ -35,7 +35,7 @@ MARGIN = 0.05
 #: Values beyond these are outside the calibrated range by more than noise.
 LIMITS = {"lerobot": 105.0}
 
-#: An action that moves by more than this while its state moves by less than a tenth of it: nothing follows.
+#: A joint whose action moves by more than this, and its state by less than a tenth of that, does not follow.
 LEAST_MOTION = {"rad": 0.1, "deg": 6.0, "lerobot": 6.0}
 
 
@@ -251,7 +251,7 @@ def _followed(dataset: Dataset, columns: Mapping[str, npt.NDArray[Any]]) -> Iter
         commanded, moved = (np.ptp(columns[name], axis=0) for name in (key, state))
         for name, one, two in zip(action.names, commanded, moved, strict=True):
             if one > LEAST_MOTION[action.unit] and two < 0.1 * one:
-                yield f"{key}: {name} moves by {one:.2f} {action.unit}, and {state} by {two:.2f}", True
+                yield f"{key}: {name} moves by {one:.2f} {action.unit}, but {state} by {two:.2f}", True
 
 
 def _repeated(dataset: Dataset, columns: Mapping[str, npt.NDArray[Any]]) -> Iterator[tuple[str, bool]]:
@@ -264,7 +264,7 @@ def _repeated(dataset: Dataset, columns: Mapping[str, npt.NDArray[Any]]) -> Iter
 
 def _repetitions(what: str, count: int, frames: int) -> Iterator[tuple[str, bool]]:
     if count > LARGEST_REPEATED * frames:
-        yield f"{what}: {count} of {frames} pictures repeat the one before", False
+        yield f"{what}: {count} of {frames} pictures repeat the previous one", False
 
 
 def _pictures(dataset: Dataset, episode: Episode, key: str, seen: _Seen) -> Iterator[tuple[str, bool]]:

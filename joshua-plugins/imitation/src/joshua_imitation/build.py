@@ -129,7 +129,7 @@ def _device(settings: ImitationSettings) -> str:
         chosen = known[0]
     elif settings.device not in known:
         raise RunError(
-            f'device: "{settings.device}" is not there; PyTorch {torch.__version__} finds '
+            f'device: "{settings.device}" is not available; PyTorch {torch.__version__} finds '
             f'{", ".join(known)}: set device: "auto", or install a PyTorch that is built for it'
         )
     else:

@@ -323,6 +323,6 @@ def without_memory(settings: ImitationSettings, device: str) -> RunError:
     else:
         remedy = "halve image_width and image_height, which takes a quarter for pictures, or hidden_size"
     return RunError(
-        f"the memory of {device} does not suffice for a batch of {settings.batch_size}: {remedy}, and "
+        f"the memory of {device} is too small for a batch of {settings.batch_size}: {remedy}, and "
         "continue with resume_run"
     )

@@ -130,7 +130,7 @@ class InferenceNode(NodeBehaviour):
             raise ModelError(f"{spec.full_name} publishes no action: add a publisher of type JOINT_STATE")
         if not self._joints.names:
             raise ModelError(
-                f"{spec.full_name} does not know its joints: let an actuator subscribe to "
+                f"{spec.full_name} has no known joints: let an actuator subscribe to "
                 f"{spec.publishers[0].name}"
             )
         for topic in spec.subscriptions:

@@ -53,11 +53,11 @@ def require(module: str, what: str) -> Any:
     except ModuleNotFoundError as error:
         missing = error.name or module
         raise LibraryMissing(
-            f"{what} needs {missing}, which is not installed for {sys.executable}. {environment()}"
+            f"{what} requires {missing}, which is not installed for {sys.executable}. {environment()}"
         ) from error
     except (ImportError, OSError, RuntimeError) as error:
         raise LibraryMissing(
-            f"{what} needs {module}, which cannot be imported for {sys.executable}: {error}. {environment()}"
+            f"{what} requires {module}, which {sys.executable} cannot import: {error}. {environment()}"
         ) from error
 
 
@@ -74,7 +74,7 @@ def choose_device(wanted: str) -> Any:
             "mps": "It needs macOS on Apple silicon",
         }[wanted]
         raise ModelError(
-            f'device: "{wanted}" is not there; PyTorch {torch.__version__} of {sys.executable} finds '
+            f'device: "{wanted}" is not available; PyTorch {torch.__version__} of {sys.executable} finds '
             f"{found}. {why}, "
             'or set compute { device: "auto" }'
         )
@@ -118,7 +118,7 @@ def load_policy(checkpoint: Checkpoint, settings: PolicySettings) -> LoadedPolic
 def out_of_memory(device: Any) -> ModelError:
     """Return what to do without enough memory."""
     return ModelError(
-        f'The memory of {device} does not suffice for the policy. Set compute {{ precision: "bfloat16" }}, '
+        f'The memory of {device} is too small for the policy. Set compute {{ precision: "bfloat16" }}, '
         "which "
         "takes half, lower picture_size, or end other programs that use it"
     )
@@ -139,7 +139,7 @@ def _config(checkpoint: Checkpoint, settings: PolicySettings, device: Any) -> An
     values = dict(checkpoint.config)
     if values.get("use_peft"):
         raise ModelError(
-            f"{checkpoint.folder} is an adapter (PEFT) and no whole policy. Merge it with its base policy "
+            f"{checkpoint.folder} is an adapter (PEFT), not a complete policy. Merge it with its base policy "
             "and save "
             "the result with policy.save_pretrained(FOLDER)"
         )
@@ -191,7 +191,7 @@ def _policy(checkpoint: Checkpoint, config: Any, device: Any) -> Any:
         policy = kind(config)
     except ModuleNotFoundError as error:
         raise ModelError(
-            f"{what} needs {error.name}, which is not installed for {sys.executable}: pip install "
+            f"{what} requires {error.name}, which is not installed for {sys.executable}: pip install "
             f"{error.name}"
         ) from error
     except OSError as error:  # transformers: a part of the language model is missing
@@ -228,7 +228,7 @@ def _without_language_model(checkpoint: Checkpoint, error: Exception) -> ModelEr
     name = checkpoint.config.get("vlm_model_name") or "the language model"
     said = str(error).strip().partition("\n")[0][:200]
     return ModelError(
-        f"{checkpoint.folder} stands on {name}, whose description and tokenizer cannot be had: {said}. "
+        f"{checkpoint.folder} builds on {name}, whose description and tokenizer cannot be loaded: {said}. "
         "Connect this "
         f"machine once and run `joshua policy fetch {checkpoint.folder}`, or copy them into a folder of the "
         "checkpoint and name that in vlm_model_name of config.json"

@@ -249,7 +249,7 @@ class PolicySettings(ModelSettings):
         if self.absent_cameras and kind not in SPARES_CAMERAS:
             raise self._error(
                 "absent_cameras",
-                f"A policy of type {kind!r} looks at every camera that it was trained with",
+                f"A policy of type {kind!r} requires every camera that it was trained with",
                 "Add the camera to the robot",
             )
         if self.absent_cameras and set(cameras) == set(self.absent_cameras):

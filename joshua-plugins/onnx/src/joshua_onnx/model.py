@@ -83,7 +83,7 @@ def open_session(network: bytes, compute: Compute, name: str) -> Any:
     devices = [device for device, provider in PROVIDERS.items() if provider in there]
     if compute.device not in ("auto", *devices):
         raise ModelError(
-            f'device: "{compute.device}" is not there; onnxruntime {onnxruntime.__version__} finds '
+            f'device: "{compute.device}" is not available; onnxruntime {onnxruntime.__version__} finds '
             f"{', '.join(devices)}. Install the onnxruntime of that device, such as onnxruntime-gpu, or set "
             'compute { device: "auto" }'
         )

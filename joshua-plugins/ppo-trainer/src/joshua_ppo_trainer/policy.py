@@ -87,7 +87,7 @@ def arrays_of(content: bytes) -> dict[str, Any]:
     """Parse the arrays of a safetensors file without its library. Raises ValueError for a truncated file."""
     start = 8 + int.from_bytes(content[:8], "little")
     if not 8 < start <= len(content):
-        raise ValueError("the file is torn")
+        raise ValueError("the file is truncated")
     described = json.loads(content[8:start])
     found = {}
     for name, entry in described.items():

@@ -100,7 +100,7 @@ class TrainerSettings(BlockSettings):
             raise FieldError(
                 "environment",
                 "Reinforcement learning does not run on a robot here: it explores by random motions, takes "
-                "thousands of episodes, and has nobody who resets the scene and judges success after each",
+                "thousands of episodes, and requires someone to reset the scene and judge success after each",
                 allowed=("ENV_SIMULATION",),
                 remedy="train in simulation, or from demonstrations with METHOD_IMITATION",
             )

@@ -1,4 +1,4 @@
-"""Data sets on any file system that fsspec knows: S3, Google Cloud Storage, SFTP, another disk."""
+"""Data sets on any file system that fsspec supports: S3, Google Cloud Storage, SFTP, another disk."""
 
 from __future__ import annotations
 
