@@ -165,7 +165,7 @@ def test_statistics_of_another_robot_are_found(tmp_path: Path, weights: Path):
     ("block", "said"),
     [
         ("absent_cameras: 'side'", "observation.images.side is not a camera of"),
-        ("absent_cameras: 'top'", "A policy of type 'act' looks at every camera"),
+        ("absent_cameras: 'top'", "A policy of type 'act' requires every camera"),
         ("denoising_steps: 5", "A policy of type 'act' does not denoise"),
         ("picture_size: 256", "A policy of type 'act' takes pictures of one size only"),
         ("actions_per_chunk: 21", "has 20 actions"),
