@@ -169,7 +169,7 @@ def test_a_weak_supply_trips(fault: str, arm_emulator: EmulatedBus, make_arm: An
     [
         ("operating_mode", 1, r"id 2 works in mode 1, expected 3 \(position\), 4 \(extended position\) or 5"),
         ("operating_mode", 3, r"id 2 ignores its homing offset of -?\d+ ticks in mode 3 \(position\)"),
-        ("drive_mode", 4, r"id 2 takes velocities for times \(drive mode bit 2\), expected 0"),
+        ("drive_mode", 4, r"id 2 uses time-based profiles \(drive mode bit 2\), expected 0"),
         ("status_level", 1, r"id 2 acknowledges no writes \(status level 1\), expected 2"),
     ],
 )

@@ -107,7 +107,7 @@ def test_a_reboot_ends_a_hardware_error(emulator: EmulatedBus, open_bus: Any) ->
         assert emulator.servo(1)["energised"]
         assert bus.alerted(IDS) == ()
         emulator.fault("silent", 1)
-        with pytest.raises(NoReply, match="id 1 does not come back after a reboot"):
+        with pytest.raises(NoReply, match="id 1 does not reply after a reboot"):
             bus.reboot((1,))
 
 

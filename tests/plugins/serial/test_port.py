@@ -183,8 +183,8 @@ def test_an_unplugged_adapter_is_reported_as_gone(emulator: EmulatedBus) -> None
     emulator.fault("unplug")
     with pytest.raises(
         PortDisconnected,
-        match=r"ttyACM0 \(usb:EMULATED0\): the adapter is gone.*plug and cable; named by its path it is "
-        r"found again under this name only, under any by its serial_number \(joshua find-port --write\)",
+        match=r"ttyACM0 \(usb:EMULATED0\): the adapter is gone.*plug and cable; it is found again "
+        r"under this path only; with serial_number, under any name \(joshua find-port --write\)",
     ):
         port.receive(6, time.monotonic() + 30)
     with pytest.raises(PortDisconnected):
@@ -207,7 +207,7 @@ def test_an_adapter_with_a_lasting_name_is_found_again(emulator: EmulatedBus) ->
     port = SerialPort(Endpoint(serial_number="EMULATED0", device_root=str(emulator.root)), 1_000_000)
     port.open()
     emulator.fault("unplug")
-    with pytest.raises(PortDisconnected, match=r"found again by its identity, under whatever name it comes"):
+    with pytest.raises(PortDisconnected, match=r"found again by its identity, under any name"):
         port.receive(6, time.monotonic() + 30)
     emulator.fault("replug", name="ttyUSB3")
     port.open()

@@ -43,25 +43,25 @@ class DynamixelActuator(ServoArm):
 
     @property
     def bus(self) -> Bus:
-        """The bus, for set-up and calibration."""
+        """Bus, for set-up and calibration."""
         return self._bus
 
     def make_bus(self, port: SerialPort) -> Bus:
-        """Makes the bus of the servos' protocol."""
+        """Return a bus that speaks the servos' protocol."""
         return Bus(port)
 
     def inspect(self) -> list[ServoSetup]:
-        """Checks the servos on the open bus and reads their EEPROM, in joint order."""
+        """Check the servos on the open bus and read their EEPROM, in joint order."""
         return inspect(self._bus, self.settings)
 
     def calibration_target(self) -> DynamixelCalibrationTarget:
-        """The calibration target for the servos: positions without torque, and their EEPROM."""
+        """Return the calibration target: positions with torque off, and the EEPROM."""
         from joshua_dynamixel.calibration_target import DynamixelCalibrationTarget
 
         return DynamixelCalibrationTarget(self.settings)
 
     def move_values(self) -> list[MoveValues]:
-        """Acceleration and speed of a move; a servo refuses a speed above its velocity limit."""
+        """Return acceleration and speed of a move; a servo refuses a speed above its velocity limit."""
         return [
             {
                 PROFILE_ACCELERATION: self.settings.acceleration
@@ -73,7 +73,7 @@ class DynamixelActuator(ServoArm):
         ]
 
     def parse(self, values: Sequence[bytes]) -> list[Feedback]:
-        """Reads the blocks of feedback; asks servos that alert for their hardware error, too."""
+        """Read the feedback blocks, and the hardware error of servos that set the alert bit."""
         errors: dict[int, int] = {}
         alerted = self._bus.alerted(self.settings.motor_ids)
         if alerted:
@@ -84,13 +84,13 @@ class DynamixelActuator(ServoArm):
 
     @property
     def latched_faults(self) -> int:
-        """All bits of a hardware error, the supply's included."""
+        """Return all bits of a hardware error, including those of the supply."""
         return self.family.status.known
 
     def clear_faults(self, ids: Sequence[int]) -> None:
-        """Reboots servos with a hardware error, which keep their torque off until then."""
+        """Reboot servos with a hardware error; their torque stays off until then."""
         self._bus.reboot(ids)
 
     def check_start(self, positions: Sequence[int], only: Collection[int] | None = None) -> None:
-        """Refuses a servo in position mode that stands beyond its limits: it refuses such a goal."""
+        """Reject a servo in position mode outside its limits, because it refuses goals there."""
         check_start(self._bus, self.joint_names, self._setups, positions, only=only)

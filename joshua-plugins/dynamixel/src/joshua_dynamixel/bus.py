@@ -42,19 +42,19 @@ class Bus(ServoBus):
     baudrates = tuple(BAUDRATES.values())
 
     def identify(self, servo_id: int) -> FoundMotor:
-        """Reads model, firmware and, once, the feedback of one servo. Raises NoReply and PortDisconnected."""
+        """Read model, firmware and one feedback sample of a servo. Raises NoReply and PortDisconnected."""
         block = self.read_block(servo_id, 0, FIRMWARE.end)
         self.read_block(servo_id, *FEEDBACK)
         firmware = FIRMWARE.decode(block[FIRMWARE.address :])
         return FoundMotor(servo_id, self.port.baudrate, model_name(MODEL.decode(block)), str(firmware))
 
     def alerted(self, ids: Sequence[int]) -> tuple[int, ...]:
-        """Those servos whose last reply said that there is a hardware error."""
+        """Ids of the servos whose last reply set the hardware alert bit."""
         status = self.status
         return tuple(servo_id for servo_id in ids if status.get(servo_id, 0) & ALERT)
 
     def read_setups(self, ids: Sequence[int]) -> dict[int, bytes]:
-        """Reads how servos are set up, laid out as in their memory; those that do not answer are left out.
+        """Read the settings of servos in their memory layout; servos that do not reply are left out.
 
         Raises PortDisconnected.
         """
@@ -67,7 +67,7 @@ class Bus(ServoBus):
         return {servo_id: bytes(memory) for servo_id, memory in memories.items()}
 
     def reboot(self, ids: Sequence[int]) -> None:
-        """Restarts servos together, which ends their hardware errors and their torque; waits for all of them.
+        """Reboot servos together and wait for them; clears hardware errors and leaves torque off.
 
         Raises NoReply and PortDisconnected.
         """
@@ -79,32 +79,32 @@ class Bus(ServoBus):
             while not self.ping(servo_id):
                 if time.monotonic() > deadline_s:
                     raise NoReply(
-                        f"{self.port}: id {servo_id} does not come back after a reboot. "
+                        f"{self.port}: id {servo_id} does not reply after a reboot. "
                         "Check its cable and the supply."
                     )
 
     def read_request(self, servo_id: int, address: int, length: int) -> bytes:
-        """Packet that reads bytes of one servo."""
+        """Return the packet that reads bytes of one servo."""
         return request(servo_id, READ, word(address) + word(length))
 
     def write_request(self, servo_id: int, address: int, data: bytes) -> bytes:
-        """Packet that writes bytes of one servo."""
+        """Return the packet that writes bytes of one servo."""
         return request(servo_id, WRITE, word(address) + data)
 
     def ping_request(self, servo_id: int) -> bytes:
-        """Packet that pings a servo."""
+        """Return the packet that pings a servo."""
         return request(servo_id, PING)
 
     def ping_length(self) -> int:
-        """Data bytes in the reply to a ping: model and firmware."""
+        """Return the number of data bytes in a ping reply (model and firmware)."""
         return 3
 
     def sync_read_request(self, address: int, length: int, ids: Sequence[int]) -> bytes:
-        """Packet that reads the same bytes of several servos."""
+        """Return the packet that reads the same bytes of several servos."""
         return request(BROADCAST_ID, SYNC_READ, word(address) + word(length) + bytes(ids))
 
     def sync_write_request(self, address: int, width: int, rows: Mapping[int, bytes]) -> bytes:
-        """Packet that writes the same bytes of several servos."""
+        """Return the packet that writes the same bytes of several servos."""
         parameters = bytearray(word(address) + word(width))
         for servo_id, data in rows.items():
             parameters.append(servo_id)
@@ -112,7 +112,7 @@ class Bus(ServoBus):
         return request(BROADCAST_ID, SYNC_WRITE, bytes(parameters))
 
     def padded(self, address: int, length: int, padding: int) -> tuple[int, int, int]:
-        """Further bytes in front or behind, as far as there are registers."""
+        """Extend a range by neighbouring bytes, as far as registers exist."""
         spans = (span for span in SPANS if span[0] <= address < span[1])
         first, end = next(spans, (address, address + length))
         front = min(padding, address - first)
@@ -120,11 +120,11 @@ class Bus(ServoBus):
         return address - front, front + length + behind, front
 
     def refusal(self, error: int) -> str:
-        """Why a servo refuses a request, by the error number of its reply."""
+        """Return why a servo refused a request, by the error number of its reply."""
         return REFUSALS.get(error & ~ALERT, "")
 
     def take_all(self, received: bytes, size: int, ids: Sequence[int]) -> dict[int, bytes] | None:
-        """Every reply of a sync read, complete and in place; None otherwise, or stuffed."""
+        """Return all replies of a sync read if each is complete, in place and unstuffed, else None."""
         step = size + REPLY_OVERHEAD
         if len(received) != step * len(ids):
             return None
@@ -146,5 +146,5 @@ class Bus(ServoBus):
         return values
 
     def make_search(self) -> Search:
-        """A search for replies in received bytes."""
+        """Return a parser that finds replies in received bytes."""
         return Search()

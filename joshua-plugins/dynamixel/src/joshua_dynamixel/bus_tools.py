@@ -36,7 +36,7 @@ _USUAL = 1_000_000
 
 
 class DynamixelBusTools(ServoBusTools):
-    """Servos of the X series on one port."""
+    """X-series servos on one port."""
 
     family = "Dynamixel servos"
     baudrates = (_USUAL, *(speed for speed in BAUDRATES.values() if speed != _USUAL))
@@ -51,16 +51,16 @@ class DynamixelBusTools(ServoBusTools):
         working={
             STATUS_LEVEL: 2,
             DRIVE_MODE: 0,
-            OPERATING_MODE: OperatingMode.EXTENDED_POSITION,  # the only one that takes any homing offset
+            OPERATING_MODE: OperatingMode.EXTENDED_POSITION,  # the only mode that accepts any homing offset
             RETURN_DELAY: 0,
         },
-        quiet_s=0.8,  # the vendor reckons with 3 ms for each id below the one that answers
+        quiet_s=0.8,  # the vendor allows 3 ms for each id below the one that replies
         calls=1,
         looks=1,
     )
 
     def read_motor(self, bus: ServoBus, servo_id: int) -> FoundMotor:
-        """Reads the data of a servo. Raises NoReply and PortDisconnected."""
+        """Read the data of a servo. Raises NoReply and PortDisconnected."""
         blocks = {address: bus.read_block(servo_id, address, length) for address, length in SETUP}
         feedback = parse_feedback(bus.read_block(servo_id, *FEEDBACK))
 

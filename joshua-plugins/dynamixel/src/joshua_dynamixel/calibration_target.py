@@ -28,21 +28,21 @@ class DynamixelCalibrationTarget(ServoCalibrationTarget):
     _setups: dict[int, ServoSetup]
 
     def make_bus(self, port: SerialPort) -> Bus:
-        """Makes the bus of the servos' protocol."""
+        """Return a bus that speaks the servos' protocol."""
         return Bus(port)
 
     @property
     def expected_models(self) -> dict[int, str]:
-        """Expected model of each servo by its id."""
+        """Expected model of each servo, by id."""
         return self._settings.models_by_id
 
     def read_setups(self) -> Sequence[ServoSetup]:
-        """Reads the EEPROM of all servos. Raises MotorCheckFailed if one has another working mode."""
+        """Read the EEPROM of all servos. Raises MotorCheckFailed if one is in the wrong operating mode."""
         self._setups = {setup.servo_id: setup for setup in read_setups(self._bus, self._settings.motor_ids)}
         return list(self._setups.values())
 
     def refuse_unfit(self, motor_id: int, registers: dict[Register, int]) -> None:
-        """Refuses what a servo cannot hold or would ignore, before the first register is written."""
+        """Reject values that a servo cannot store or would ignore, before the first register is written."""
         super().refuse_unfit(motor_id, registers)
         offset = registers[HOMING_OFFSET]
         if not self._setups[motor_id].turns and abs(offset) > LARGEST_JOINT_OFFSET:

@@ -1,4 +1,4 @@
-"""Where X-series servos keep what a driver needs."""
+"""Register addresses of X-series servos that the shared servo driver uses."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from joshua_dynamixel.registers import (
 
 
 def speed_of(ticks_s: int) -> int:
-    """Profile velocity of a speed; 0 would be the fastest, so it is at least 1."""
+    """Return the profile velocity for a speed, at least 1 because 0 means no limit."""
     return max(1, int(ticks_s / VELOCITY_TICKS_S))
 
 

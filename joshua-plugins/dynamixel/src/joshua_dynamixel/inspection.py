@@ -29,16 +29,16 @@ from joshua_dynamixel.registers import (
 )
 from joshua_dynamixel.settings import DynamixelSettings
 
-NO_LIMIT = 1 << 30  # ticks; servos that count turns hold no position limits
+NO_LIMIT = 1 << 30  # ticks; servos that count turns have no position limits
 
 
 def inspect(bus: Bus, settings: DynamixelSettings) -> list[ServoSetup]:
-    """Checks motors, working mode and calibration of an open bus, without writing.
+    """Check motors, working mode and calibration of an open bus, without writing.
 
     Raises:
-        MotorCheckFailed: a motor is missing, of another model, or has other settings.
-        CalibrationMismatch: the calibration is not that of these servos.
-        DeviceDisconnected: a servo or the port was disconnected meanwhile.
+        MotorCheckFailed: a motor is missing, is of the wrong model, or has the wrong settings.
+        CalibrationMismatch: the calibration does not belong to these servos.
+        DeviceDisconnected: a servo or the adapter was disconnected during the check.
     """
     bus.detect_echo()
     check_motors(bus, settings.models_by_id)
@@ -48,7 +48,7 @@ def inspect(bus: Bus, settings: DynamixelSettings) -> list[ServoSetup]:
 
 
 def read_setups(bus: Bus, ids: Sequence[int]) -> list[ServoSetup]:
-    """Reads the EEPROM of all servos. Raises MotorCheckFailed if one has another working mode."""
+    """Read the EEPROM of all servos. Raises MotorCheckFailed if one is in the wrong operating mode."""
     blocks = bus.read_setups(ids)
     missing = [servo_id for servo_id in ids if servo_id not in blocks]
     if missing:
@@ -77,7 +77,7 @@ def _setup(servo_id: int, block: bytes, problems: list[str]) -> ServoSetup:
             f"{-LARGEST_JOINT_OFFSET} to {LARGEST_JOINT_OFFSET}; expected mode 4 (extended position)"
         )
     if value(DRIVE_MODE) & TIME_BASED:
-        problems.append(f"id {servo_id} takes velocities for times (drive mode bit 2), expected 0")
+        problems.append(f"id {servo_id} uses time-based profiles (drive mode bit 2), expected 0")
     if value(STATUS_LEVEL) != 2:
         problems.append(
             f"id {servo_id} acknowledges no writes (status level {value(STATUS_LEVEL)}), expected 2"

@@ -25,17 +25,17 @@ class Model:
 
     @property
     def max_speed_ticks_s(self) -> float:
-        """Fastest that it turns."""
+        """No-load speed."""
         return self.rpm / 60 * TICKS_PER_TURN
 
     def load(self, raw: int) -> float:
-        """Fraction of stall torque behind the register of load or current, signed."""
+        """Return the load as a signed fraction of stall torque, from the load or current register."""
         if not self.current_unit_a:
             return raw / 1000
         return raw * self.current_unit_a / self.stall_a
 
     def current_a(self, raw: int) -> float:
-        """Current behind the register of load or current; estimated where the servo measures the load."""
+        """Return the current from the load or current register; an estimate if the servo measures load."""
         return abs(raw) * self.current_unit_a if self.current_unit_a else abs(raw) / 1000 * self.stall_a
 
 
@@ -56,5 +56,5 @@ _NAMES = {model.number: model.name for model in MODELS.values()}
 
 
 def model_name(number: int) -> str:
-    """Name of a model by its number, or the number in words where it is unknown."""
+    """Return the name of a model by its number, or ``model 1234`` if it is unknown."""
     return _NAMES.get(number, f"model {number}")

@@ -1,8 +1,8 @@
 """Packets of protocol 2.0: ``FF FF FD 00 id length length instruction parameters… crc crc``.
 
-Behind each ``FF FF FD`` of the part from the instruction on one more ``FD`` is sent, so that no header stands
-inside a packet. The vendor's Python SDK works that out and then sends the packet without, so packets are made
-here; the constants are its own.
+From the instruction onwards, ``FF FF FD`` is followed by a stuffed ``FD``, so no packet contains a header.
+The vendor's Python SDK computes the stuffing but sends the packet without it, so packets are built here; the
+constants come from the SDK.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ SYNC_READ: int = robotis_def.INST_SYNC_READ
 SYNC_WRITE: int = robotis_def.INST_SYNC_WRITE
 STATUS: int = robotis_def.INST_STATUS
 BROADCAST_ID: int = robotis_def.BROADCAST_ID
-ALERT: int = handler.ERRBIT_ALERT  # bit of a reply's error byte: the hardware error register is not 0
+ALERT: int = handler.ERRBIT_ALERT  # alert bit of a reply's error byte: the hardware error register is not 0
 
-REPLY_OVERHEAD = 11  # bytes of a reply beside its data
+REPLY_OVERHEAD = 11  # bytes of a reply without its data
 HEADER = b"\xff\xff\xfd\x00"
 _LARGEST_LENGTH = 1024
 _LARGEST_ID = 252
 _PATTERN, _STUFFED = b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"
 
-#: Why a servo refuses a request, by the error number of its reply. A broken request is simply sent again.
+#: Why a servo refuses a request, by the error number of its reply. A corrupt request is simply sent again.
 REFUSALS = {
-    handler.ERRNUM_RESULT_FAIL: "it cannot do that now; after a hardware error only a reboot helps",
+    handler.ERRNUM_RESULT_FAIL: "it cannot do that now; after a hardware error only a reboot clears it",
     handler.ERRNUM_INSTRUCTION: "it does not know the instruction",
     handler.ERRNUM_DATA_RANGE: "the value is out of the register's range",
     handler.ERRNUM_DATA_LENGTH: "the value has another width",
@@ -53,7 +53,7 @@ _CRC_TABLE = _crc_table()
 
 
 def crc16(data: bytes) -> int:
-    """CRC-16 of a packet up to its own CRC."""
+    """Return the CRC-16 of a packet, excluding its own CRC."""
     table, crc = _CRC_TABLE, 0
     for byte in data:
         crc = (crc & 0xFF) << 8 ^ table[crc >> 8 ^ byte]
@@ -61,7 +61,7 @@ def crc16(data: bytes) -> int:
 
 
 def request(servo_id: int, instruction: int, parameters: bytes = b"") -> bytes:
-    """Makes an instruction packet."""
+    """Return an instruction packet."""
     body = bytes((instruction,)) + parameters
     if _PATTERN in body:
         body = body.replace(_PATTERN, _STUFFED)
@@ -70,7 +70,7 @@ def request(servo_id: int, instruction: int, parameters: bytes = b"") -> bytes:
 
 
 def word(value: int) -> bytes:
-    """Two bytes, as addresses and lengths are sent."""
+    """Return an address or length as two bytes."""
     return value.to_bytes(2, "little")
 
 
@@ -82,7 +82,7 @@ class Search:
         self.rest = b""
 
     def feed(self, data: bytes) -> Iterator[Reply]:
-        """Adds bytes. Yields each complete reply, skipping noise and instruction packets."""
+        """Add bytes and yield each complete reply, skipping noise and instruction packets."""
         buffer = self.rest + data
         at = 0
         while True:
@@ -99,7 +99,7 @@ class Search:
             if buffer[start + 4] > _LARGEST_ID or not 3 <= length <= _LARGEST_LENGTH:
                 self.broken += 1
             elif buffer[start + 7] != STATUS:
-                continue  # somebody's request, which an adapter echoes
+                continue  # an instruction that the adapter echoes
             elif length < 4:
                 self.broken += 1
             elif len(buffer) < end:

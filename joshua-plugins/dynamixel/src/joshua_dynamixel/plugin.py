@@ -7,7 +7,7 @@ from joshua.api import ActuatorSpec, PluginSpec, hookimpl
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the driver of Dynamixel buses."""
+    """Name the driver of Dynamixel buses."""
     return [
         ActuatorSpec(
             block="dynamixel_config",

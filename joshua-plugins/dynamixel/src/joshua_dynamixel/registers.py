@@ -22,7 +22,7 @@ BAUDRATE = Register("baudrate", 8, 1, eeprom=True)  # code, see BAUDRATES
 RETURN_DELAY = Register("return_delay", 9, 1, eeprom=True)  # 2 µs
 DRIVE_MODE = Register("drive_mode", 10, 1, eeprom=True)
 OPERATING_MODE = Register("operating_mode", 11, 1, eeprom=True)
-HOMING_OFFSET = Register("homing_offset", 20, 4, eeprom=True, signed=True)  # ticks, added to the encoder's
+HOMING_OFFSET = Register("homing_offset", 20, 4, eeprom=True, signed=True)  # ticks, added to the position
 MAX_TEMPERATURE = Register("max_temperature", 31, 1, eeprom=True)  # °C
 MAX_VOLTAGE = Register("max_voltage", 32, 2, eeprom=True)  # 0.1 V
 MIN_VOLTAGE = Register("min_voltage", 34, 2, eeprom=True)  # 0.1 V
@@ -37,17 +37,17 @@ POSITION_I = Register("position_i", 82, 2)
 POSITION_P = Register("position_p", 84, 2)
 GOAL_PWM = Register("goal_pwm", 100, 2, signed=True)  # 0.113 %, of 885 at most
 GOAL_CURRENT = Register("goal_current", 102, 2, signed=True)  # the model's unit; holds in mode 5
-PROFILE_ACCELERATION = Register("profile_acceleration", 108, 4)  # 214.577 rev/min²; 0 is the most
-PROFILE_VELOCITY = Register("profile_velocity", 112, 4)  # 0.229 rev/min; 0 is the most
+PROFILE_ACCELERATION = Register("profile_acceleration", 108, 4)  # 214.577 rev/min²; 0: no limit
+PROFILE_VELOCITY = Register("profile_velocity", 112, 4)  # 0.229 rev/min; 0: no limit
 GOAL_POSITION = Register("goal_position", 116, 4, signed=True)  # ticks
 PRESENT_LOAD = Register("present_load", 126, 2, signed=True)  # current in the model's unit, or 0.1 %
 PRESENT_POSITION = Register("present_position", 132, 4, signed=True)  # ticks
 PRESENT_TEMPERATURE = Register("present_temperature", 146, 1)  # °C
 
-# Addresses that have registers, first and behind the last, in all models; a servo may refuse to read others.
+# Address ranges (first, one past the last) that exist in all models; a servo may refuse to read others.
 SPANS = ((0, 14), (20, 28), (31, 38), (44, 56), (63, 66), (68, 71), (76, 86), (88, 92), (98, 99), (100, 148))
 
-# Addresses and lengths of the blocks that say how a servo is set up: from MODEL to OPERATING_MODE,
+# Addresses and lengths of the blocks that hold a servo's settings: from MODEL to OPERATING_MODE,
 # HOMING_OFFSET, from MAX_TEMPERATURE to MIN_VOLTAGE, from VELOCITY_LIMIT to MIN_POSITION, and from
 # STATUS_LEVEL to HARDWARE_ERROR.
 SETUP = ((0, 12), (20, 4), (31, 5), (44, 12), (68, 3))
@@ -73,6 +73,6 @@ class OperatingMode:
     EXTENDED_POSITION = 4
     CURRENT_POSITION = 5
 
-    #: In these a servo counts turns, and its position limits do not hold.
+    #: Modes in which a servo counts turns and ignores its position limits.
     MULTI_TURN = (EXTENDED_POSITION, CURRENT_POSITION)
     ALL = (POSITION, *MULTI_TURN)

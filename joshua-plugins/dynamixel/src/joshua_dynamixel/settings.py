@@ -24,7 +24,7 @@ from joshua_dynamixel.registers import (
 
 
 class DynamixelJoint(ServoJoint):
-    """Settings of one servo, in the units of its block."""
+    """Settings of one servo, in the units of the block."""
 
     gripper_defaults: ClassVar[Mapping[str, float]] = {**GRIP_DEFAULTS, "torque_limit_percent": 50}
 
@@ -32,7 +32,7 @@ class DynamixelJoint(ServoJoint):
 
     @property
     def overload(self) -> tuple[float, float]:
-        """Load in % that trips the servo, and the time in s: on the safe side, as none is published."""
+        """Load in % that trips the servo, and the time in s: conservative, because none is published."""
         return 80, 1
 
 
@@ -41,8 +41,8 @@ class DynamixelSettings(ServoSettings):
 
     Attributes:
         models: names of the models, one for each id or one for all.
-        velocity: of a move, in units of 0.229 rev/min; 0 leaves the servo's own maximum.
-        acceleration: of a move, in units of 214.577 rev/min²; 0 leaves the servo's own maximum.
+        velocity: of a move, in units of 0.229 rev/min; 0 keeps the servo's own maximum.
+        acceleration: of a move, in units of 214.577 rev/min²; 0 keeps the servo's own maximum.
     """
 
     servo_name: ClassVar[str] = "Dynamixel X-series"
@@ -55,7 +55,7 @@ class DynamixelSettings(ServoSettings):
         "position_i": (POSITION_I, 1),
         "position_p": (POSITION_P, 1),
         "torque_limit_percent": (GOAL_PWM, 8.85),
-        "current_limit_ma": (GOAL_CURRENT, 0),  # the unit is the model's
+        "current_limit_ma": (GOAL_CURRENT, 0),  # the unit depends on the model
     }
 
     joint: tuple[DynamixelJoint, ...] = ()
@@ -89,25 +89,25 @@ class DynamixelSettings(ServoSettings):
         return self
 
     def steps(self, name: str, index: int) -> float:
-        """Steps of the current register in 1 mA."""
+        """Steps of the current register per mA."""
         del name
         return 0.001 / self.joint_models[index].current_unit_a
 
     @property
     def joint_models(self) -> tuple[Model, ...]:
-        """Model of each servo, in the order of motor_ids."""
+        """Models of the servos, in the order of motor_ids."""
         names = self.models * len(self.motor_ids) if len(self.models) == 1 else self.models
         return tuple(MODELS[name] for name in names)
 
     @property
     def models_by_id(self) -> dict[int, str]:
-        """Expected model of each servo by its id."""
+        """Expected model of each servo, by id."""
         return {
             servo_id: model.name for servo_id, model in zip(self.motor_ids, self.joint_models, strict=True)
         }
 
     def speeds_ticks_s(self) -> list[float]:
-        """Fastest move of each motor."""
+        """Velocity limit of each motor's moves."""
         return [
             min(self.velocity * VELOCITY_TICKS_S or model.max_speed_ticks_s, model.max_speed_ticks_s)
             for model in self.joint_models

@@ -1,1 +1,1 @@
-"""Serial ports for device plugins: opening them, who holds them, and the lasting identity of USB adapters."""
+"""Serial ports for device plugins: open ports, find their users, identify USB adapters permanently."""

@@ -10,13 +10,13 @@ class FoundMotor:
     """A motor that answers on a bus.
 
     Attributes:
-        motor_id: what it answers to; baudrate: line speed at which it does, bit/s.
+        motor_id: bus id; baudrate: line speed at which it replies, bit/s.
         model: name of the model, or ``model 1234`` where it is unknown; firmware: "" if unknown.
-        voltage_v, temperature_c: None if the motor does not measure it, or does not say.
+        voltage_v, temperature_c: None if the motor does not report it.
         max_temperature_c, min_voltage_v, max_voltage_v: limits beyond which it protects itself; None if it
-            has none, or does not say.
-        status: what the motor complains about, such as ``overloaded``; "" for nothing.
-        shared: several motors answer to this id, so that their replies collide; all else is unknown.
+            reports none.
+        status: fault that the motor reports, such as ``overloaded``; "" for none.
+        shared: several motors have this id and their replies collide; everything else is unknown.
     """
 
     motor_id: int

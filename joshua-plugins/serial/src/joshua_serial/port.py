@@ -1,4 +1,4 @@
-"""A serial port as drivers need it: exclusive, raw, 8N1, with reads that end at a deadline."""
+"""A serial port for drivers: exclusive, raw, 8N1, with reads that end at a deadline."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from joshua_serial.errors import (
 from joshua_serial.port_holders import describe_process, holders, is_guardian
 from joshua_serial.usb_ports import Endpoint, PortEntry, describe_ports, resolve
 
-FULL_LINE_S = 1.0  # a line that takes no byte for so long is gone
+FULL_LINE_S = 1.0  # a line that accepts no byte for this long is gone
 BITS_PER_BYTE = 10  # start bit, eight data bits, stop bit
 _LARGEST_MINIMUM = 255  # VMIN is one byte
 _IS_LINUX = sys.platform == "linux"
 _TCGETS2, _TCSETS2 = 0x802C542A, 0x402C542B
 _TERMIOS2 = struct.Struct("=4IB19s2I")
-_ANY_SPEED = 0o010000  # BOTHER: the speed stands in a field of its own
+_ANY_SPEED = 0o010000  # BOTHER: the speed is in a separate field
 _SPEED_MASK = 0o010017
 _GONE = {errno.EIO, errno.ENXIO, errno.ENODEV, errno.EBADF}
 
 
 class SerialPort:
-    """An open serial port; closed by ``close`` or by the end of the process."""
+    """A serial port, open until ``close`` or the end of the process."""
 
     def __init__(self, endpoint: Endpoint, baudrate: int) -> None:
         self.endpoint = endpoint
@@ -65,7 +65,7 @@ class SerialPort:
         """Find, open, lock and set up the port.
 
         Raises:
-            PortNotFound, PortForbidden, PortBusy, PortUnusable: one for each cause, with its remedy.
+            PortNotFound, PortForbidden, PortBusy, PortUnusable: by cause, each with its remedy.
         """
         self.close()
         self.entry = resolve(self.endpoint)
@@ -102,12 +102,12 @@ class SerialPort:
             ) from error
 
     def wire_time_s(self, size: int) -> float:
-        """Time that bytes take on the line."""
+        """Return the time that ``size`` bytes take on the line."""
         return size * BITS_PER_BYTE / self.baudrate
 
     @contextlib.contextmanager
     def obeying(self, stopping: Callable[[], bool]) -> Iterator[None]:
-        """Let a search for a device end early: ``receive`` raises Cancelled once ``stopping`` is true."""
+        """Make ``receive`` raise Cancelled as soon as ``stopping`` returns true, to abort a search."""
         self._stopping = stopping
         try:
             yield
@@ -133,10 +133,10 @@ class SerialPort:
             raise self._disconnected(error) from error
 
     def set_dtr(self, raised: bool, *, drop_on_close: bool = False) -> None:
-        """Raise or lowers DTR, which some devices take as a switch; pseudo-terminals have none.
+        """Raise or lower DTR, which some devices use as a switch; pseudo-terminals have none.
 
         Args:
-            drop_on_close: lets the system lower it when the port is closed, even by the end of the process.
+            drop_on_close: let the system lower it when the port closes, also when the process dies.
 
         Raises PortDisconnected.
         """
@@ -152,7 +152,7 @@ class SerialPort:
                 raise self._disconnected(error) from error
 
     def receive(self, size: int, deadline_s: float) -> bytes:
-        """Wait for ``size`` bytes, until a time of the monotonic clock; return what came, perhaps less.
+        """Wait for ``size`` bytes until a monotonic deadline; return the bytes received, possibly fewer.
 
         Raises PortDisconnected; Cancelled inside ``obeying``.
         """
@@ -180,11 +180,11 @@ class SerialPort:
         except BlockingIOError:
             return b""
         if not chunk and hung_up:
-            raise OSError(errno.EIO, "the line was hung up")
+            raise OSError(errno.EIO, "the line hung up")
         return chunk
 
     def _set_minimum(self, size: int) -> None:
-        """Let the kernel wake this process only once ``size`` bytes are there, or at the deadline."""
+        """Have the kernel wake this process only when ``size`` bytes are available or at the deadline."""
         if size == self._minimum:
             return
         self._minimum = size
@@ -197,7 +197,7 @@ class SerialPort:
             raise self._disconnected(error) from error
 
     def _write(self, data: bytes) -> int:
-        """Bytes that the line has taken; none while it is full."""
+        """Return the number of bytes written; 0 while the buffer is full."""
         try:
             return os.write(self._fd, data)
         except BlockingIOError:
@@ -206,7 +206,7 @@ class SerialPort:
     def _wait_writable(self) -> None:
         _, writable, _ = select.select([], [self._fd], [], FULL_LINE_S)
         if not writable:
-            raise OSError(errno.EIO, "the line takes no bytes")
+            raise OSError(errno.EIO, "the line accepts no bytes")
 
     def _open(self) -> int:
         path = self.entry.path
@@ -251,7 +251,7 @@ class SerialPort:
         except termios.error as error:
             if error.args[0] in _GONE:
                 raise self._disconnected(error) from error
-            raise PortUnusable(f"{self}: is no serial port that can be set up ({_reason(error)})") from error
+            raise PortUnusable(f"{self}: cannot be configured as a serial port ({_reason(error)})") from error
         self.set_baudrate(self.baudrate)
         self._raise_modem_lines()
         self._poll.register(self._fd, select.POLLIN)
@@ -273,7 +273,7 @@ class SerialPort:
         self._minimum = int(self._attributes[6][termios.VMIN])  # type: ignore[index]
 
     def _raise_modem_lines(self) -> None:
-        """Raise DTR and RTS, which some adapters want; pseudo-terminals have neither."""
+        """Raise DTR and RTS, which some adapters require; pseudo-terminals have neither."""
         try:
             fcntl.ioctl(self._fd, termios.TIOCMBIS, struct.pack("I", termios.TIOCM_DTR | termios.TIOCM_RTS))
         except OSError as error:
@@ -282,9 +282,9 @@ class SerialPort:
 
     def _disconnected(self, error: BaseException) -> PortDisconnected:
         found_again = (
-            "it is found again by its identity, under whatever name it comes back"
+            "it is found again by its identity, under any name"
             if self.endpoint.is_lasting
-            else "named by its path it is found again under this name only, under any by its serial_number "
+            else "it is found again under this path only; with serial_number, under any name "
             "(joshua find-port --write)"
         )
         return PortDisconnected(

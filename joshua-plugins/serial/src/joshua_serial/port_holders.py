@@ -1,4 +1,4 @@
-"""Which processes have a device open, as far as Linux shows them to this user."""
+"""Find the processes that have a device open, as far as Linux shows them to this user."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from pathlib import Path
 
 
 def holders(path: str, proc: Path = Path("/proc")) -> list[int]:
-    """Processes that have locked a device, else the others that have it open.
+    """Return the processes that have locked a device, or else those that have it open.
 
     Args:
-        proc: where the processes are shown.
+        proc: the proc file system.
     """
     try:
         status = os.stat(path)  # noqa: PTH116 - follows links like open does
@@ -46,14 +46,14 @@ def describe_process(process: int, proc: Path = Path("/proc")) -> str:
 
 
 def is_guardian(process: int, proc: Path = Path("/proc")) -> bool:
-    """Whether a process brings a device into its safe state in place of a driver."""
+    """Return whether a process is a guardian that brings a device into its safe state."""
     with contextlib.suppress(OSError):
         return b"joshua.guardian.main" in (proc / str(process) / "cmdline").read_bytes().split(b"\0")
     return False
 
 
 def _is_run(words: list[str]) -> bool:
-    """Whether a command line starts nodes: options and no command stand behind the program's name."""
+    """Return whether a command line starts nodes, that is, has options but no command."""
     for index, word in enumerate(words[:-1]):
         if Path(word).name == "joshua" or word == "joshua.cli.main":
             return words[index + 1].startswith("-")

@@ -13,8 +13,8 @@ class SerialSettings(BlockSettings):
     """Settings of a device with a serial link.
 
     Attributes:
-        port, serial_number, vid_pid, baudrate: of the link.
-        device_root: folder that holds ``dev`` and ``sys``; an emulated device brings one of its own.
+        port, serial_number, vid_pid, baudrate: of the serial link.
+        device_root: folder that contains ``dev`` and ``sys``; an emulated device has its own.
     """
 
     port: Annotated[str, FromField("comm.serial.port")] = ""

@@ -1,4 +1,4 @@
-"""Serial ports of the host and the USB adapters behind them; a port by its adapter's identity."""
+"""Serial ports of the host and their USB adapters; look up a port by its adapter's identity."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class PortEntry:
 
     Attributes:
         path: device path, such as ``/dev/ttyACM0``.
-        serial_number, vid_pid: of the USB adapter, "" if it has none or is no USB device.
-        by_id: path by the adapter's identity below ``/dev/serial/by-id``, "" if there is none.
-        product: what the adapter calls itself; driver: of the kernel, such as ``cdc_acm``.
-        place: where it is plugged in, such as ``1-2.3``: bus, then socket by socket; "" if unknown.
+        serial_number, vid_pid: of the USB adapter; "" if it has none or is not a USB device.
+        by_id: path by the adapter's identity below ``/dev/serial/by-id``; "" if there is none.
+        product: name that the adapter reports; driver: kernel driver, such as ``cdc_acm``.
+        place: USB path, such as ``1-2.3``: bus, then the port on each hub; "" if unknown.
     """
 
     path: str
@@ -32,7 +32,7 @@ class PortEntry:
 
     @property
     def identity(self) -> str:
-        """Identity that stays with the adapter, such as ``usb:5A46082345``; "" if it has none."""
+        """Permanent identity of the adapter, such as ``usb:5A46082345``; "" if it has none."""
         return f"usb:{self.serial_number}" if self.serial_number else ""
 
     def __str__(self) -> str:
@@ -49,12 +49,12 @@ class PortEntry:
 
 @dataclass(frozen=True)
 class Endpoint:
-    """How the configuration names a port: the identity decides where one is given.
+    """How the configuration names a port; an identity takes precedence over a path.
 
     Attributes:
-        device_root: folder that holds ``dev`` and ``sys``: ``/`` for the host's own devices.
-        known_as: identity of the adapter, as its calibration remembers it: where nothing is at the path, the
-            adapter is looked for by it.
+        device_root: folder that contains ``dev`` and ``sys``; ``/`` for the host's own devices.
+        known_as: identity of the adapter from its calibration; used to find the adapter if the path does not
+            exist.
     """
 
     path: str = ""
@@ -65,7 +65,7 @@ class Endpoint:
 
     @property
     def is_lasting(self) -> bool:
-        """Whether the adapter is found again: by its identity, or by a name that a rule gives it."""
+        """Whether the adapter can be found after a replug: by its identity, or by a name from a udev rule."""
         return bool(self.serial_number or self.vid_pid or self.known_as) or is_lasting_name(self.path)
 
     def __str__(self) -> str:
@@ -77,7 +77,7 @@ class Endpoint:
 
 
 def is_lasting_name(path: str) -> bool:
-    """Whether a path is a name that udev keeps for one adapter, not one in the order of plugging in."""
+    """Return whether a path is a permanent udev name, not one that depends on the plug-in order."""
     return bool(path) and not Path(path).name.startswith(("tty", "cu."))
 
 
@@ -90,7 +90,7 @@ def list_ports(device_root: str = "/") -> list[PortEntry]:
     by_id = _by_id_links(root / "dev/serial/by-id")
     entries = []
     for node in sorted(classes.iterdir()) if classes.is_dir() else ():
-        with contextlib.suppress(OSError):  # an adapter that is pulled just now vanishes file by file
+        with contextlib.suppress(OSError):  # an adapter that is being unplugged vanishes file by file
             entry = _entry(node, root / "dev" / node.name, by_id)
             if entry is not None:
                 entries.append(entry)
@@ -101,13 +101,13 @@ def resolve(endpoint: Endpoint) -> PortEntry:
     """Find the port that an endpoint names.
 
     Raises:
-        PortNotFound: no adapter fits, or several do. The message lists the ports that there are.
+        PortNotFound: no adapter matches, or several do. The message lists the available ports.
     """
     ports = list_ports(endpoint.device_root)
     if not (endpoint.serial_number or endpoint.vid_pid):
         return _by_path(endpoint, ports)
     fitting = [port for port in ports if _fits(port, endpoint)]
-    if len(fitting) > 1 and endpoint.path:  # adapters whose maker gave all of them one serial number
+    if len(fitting) > 1 and endpoint.path:  # adapters that all have the same serial number from the factory
         real = Path(endpoint.path).resolve()
         fitting = [port for port in fitting if Path(port.path).resolve() == real] or fitting
     if len(fitting) == 1:
@@ -116,7 +116,7 @@ def resolve(endpoint: Endpoint) -> PortEntry:
         numbers = {port.serial_number for port in fitting}
         which = "serial_number" if len(numbers) == len(fitting) else "port"
         raise PortNotFound(
-            f"{endpoint}: {len(fitting)} adapters fit, the file must name one: {_listing(fitting)}. "
+            f"{endpoint}: {len(fitting)} adapters match, the file must name one: {_listing(fitting)}. "
             f"Give {which} as well, or unplug the others."
         )
     raise PortNotFound(
@@ -153,7 +153,7 @@ def describe_ports(device_root: str) -> str:
 
 
 def _entry(node: Path, path: Path, by_id: Mapping[Path, str]) -> PortEntry | None:
-    """The port of a tty of sysfs; None if it is no USB adapter."""
+    """Return the port of a sysfs tty; None if it is not a USB adapter."""
     usb = _usb_device(node)
     if usb is None or not path.exists():
         return None
@@ -169,7 +169,7 @@ def _entry(node: Path, path: Path, by_id: Mapping[Path, str]) -> PortEntry | Non
 
 
 def _usb_device(node: Path) -> Path | None:
-    """Folder of the USB device behind a tty of sysfs, None if there is no USB device."""
+    """Return the folder of the USB device behind a sysfs tty, None if there is none."""
     device = node / "device"
     if not device.exists():
         return None
@@ -181,7 +181,7 @@ def _usb_device(node: Path) -> Path | None:
 
 
 def _driver(node: Path) -> str:
-    """Name of the kernel's driver of a tty; the tty of a USB-serial converter is a device of its own."""
+    """Return the kernel driver of a tty; the tty of a USB-serial converter is a separate device."""
     device = (node / "device").resolve()
     for folder in (device, device.parent):
         if (folder / "driver").exists():
@@ -190,7 +190,7 @@ def _driver(node: Path) -> str:
 
 
 def _by_id_links(folder: Path) -> dict[Path, str]:
-    with contextlib.suppress(OSError):  # udev removes it with its last link
+    with contextlib.suppress(OSError):  # udev removes the folder with its last link
         return {link.resolve(): str(link) for link in sorted(folder.iterdir())}
     return {}
 

@@ -21,7 +21,7 @@ from joshua_sts3215.settings import Sts3215Settings
 if TYPE_CHECKING:
     from joshua_sts3215.calibration_target import Sts3215CalibrationTarget
 
-BEYOND_TICKS = 30  # about 2.6°, for a joint that its stop has pushed a little beyond where it was calibrated
+BEYOND_TICKS = 30  # about 2.6°, for a joint that its stop has pushed slightly past its calibrated range
 
 
 class Sts3215Actuator(ServoArm):
@@ -34,26 +34,26 @@ class Sts3215Actuator(ServoArm):
 
     @property
     def bus(self) -> Bus:
-        """The bus, for set-up and calibration."""
+        """Bus, for set-up and calibration."""
         return self._bus
 
     def make_bus(self, port: SerialPort) -> Bus:
-        """Makes the bus of the servos' protocol."""
+        """Return a bus that speaks the servos' protocol."""
         return Bus(port)
 
     def inspect(self) -> list[ServoSetup]:
-        """Checks the servos on the open bus and reads their EEPROM, in joint order."""
+        """Check the servos on the open bus and read their EEPROM, in joint order."""
         _, setups = inspect(self._bus, self.settings)
         return setups
 
     def calibration_target(self) -> Sts3215CalibrationTarget:
-        """The calibration target for the servos: positions without torque, and their EEPROM."""
+        """Return the calibration target: positions with torque off, and the EEPROM."""
         from joshua_sts3215.calibration_target import Sts3215CalibrationTarget
 
         return Sts3215CalibrationTarget(self.settings)
 
     def parse(self, values: Sequence[bytes]) -> list[Feedback]:
-        """Reads the blocks of feedback; a fault that only the reply's error byte tells counts, too."""
+        """Read the feedback blocks, including faults that only the reply's error byte reports."""
         said, known = self._bus.status, self.family.status.known
         return [
             reading._replace(status=reading.status | said.get(servo_id, 0) & known)
@@ -61,11 +61,11 @@ class Sts3215Actuator(ServoArm):
         ]
 
     def clear_faults(self, ids: Sequence[int]) -> None:
-        """Disable the torque of once more, which clears what a servo keeps of a fault that is over."""
+        """Disable torque again, which clears the latched bits of a fault that is over."""
         self._torque.switch_off(ids)
 
     def check_start(self, positions: Sequence[int], only: Collection[int] | None = None) -> None:
-        """Refuses a servo that stands beyond its limits: with torque it would jump to them."""
+        """Reject a servo outside its limits: it would jump to them when torque is enabled."""
         check_start(self._bus, self.joint_names, self._setups, positions, BEYOND_TICKS, only=only)
 
     def move_values(self) -> list[MoveValues]:

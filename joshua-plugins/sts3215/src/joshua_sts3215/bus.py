@@ -29,7 +29,7 @@ class Bus(ServoBus):
     baudrates = LINE_SPEEDS
 
     def identify(self, servo_id: int) -> FoundMotor:
-        """Reads model, firmware and, once, the feedback of one servo. Raises NoReply and PortDisconnected."""
+        """Read model, firmware and one feedback sample of a servo. Raises NoReply and PortDisconnected."""
         block = self.read_block(servo_id, 0, 5)
         self.read_block(servo_id, *FEEDBACK)
         number = int.from_bytes(block[3:5], "little")
@@ -38,11 +38,11 @@ class Bus(ServoBus):
         )
 
     def write_eeprom(self, servo_id: int, values: Mapping[Register, int]) -> None:
-        """Unlocks, writes, reads back and locks; a locked EEPROM ignores writes silently.
+        """Unlock the EEPROM, write, read back and lock it again; a locked EEPROM silently ignores writes.
 
         Raises:
             NoReply: the servo did not answer, or a register did not keep its value.
-            PortDisconnected: the port is gone.
+            PortDisconnected: the adapter was unplugged.
         """
         self.write(servo_id, LOCK, 0)
         try:
@@ -51,23 +51,23 @@ class Bus(ServoBus):
             self.write(servo_id, LOCK, 1)
 
     def read_request(self, servo_id: int, address: int, length: int) -> bytes:
-        """Packet that reads bytes of one servo."""
+        """Return the packet that reads bytes of one servo."""
         return request(servo_id, READ, bytes((address, length)))
 
     def write_request(self, servo_id: int, address: int, data: bytes) -> bytes:
-        """Packet that writes bytes of one servo."""
+        """Return the packet that writes bytes of one servo."""
         return request(servo_id, WRITE, bytes((address,)) + data)
 
     def ping_request(self, servo_id: int) -> bytes:
-        """Packet that pings a servo."""
+        """Return the packet that pings a servo."""
         return request(servo_id, PING)
 
     def sync_read_request(self, address: int, length: int, ids: Sequence[int]) -> bytes:
-        """Packet that reads the same bytes of several servos."""
+        """Return the packet that reads the same bytes of several servos."""
         return request(BROADCAST_ID, SYNC_READ, bytes((address, length, *ids)))
 
     def sync_write_request(self, address: int, width: int, rows: Mapping[int, bytes]) -> bytes:
-        """Packet that writes the same bytes of several servos."""
+        """Return the packet that writes the same bytes of several servos."""
         parameters = bytearray((address, width))
         for servo_id, data in rows.items():
             parameters.append(servo_id)
@@ -75,7 +75,7 @@ class Bus(ServoBus):
         return request(BROADCAST_ID, SYNC_WRITE, bytes(parameters))
 
     def take_all(self, received: bytes, size: int, ids: Sequence[int]) -> dict[int, bytes] | None:
-        """Every reply of a sync read, complete and in place; None otherwise."""
+        """Return all replies of a sync read if each is complete and in place, else None."""
         step = size + OVERHEAD
         if len(received) != step * len(ids):
             return None
@@ -98,5 +98,5 @@ class Bus(ServoBus):
         return values
 
     def make_search(self) -> Search:
-        """A search for replies in received bytes."""
+        """Return a parser that finds replies in received bytes."""
         return Search()

@@ -30,11 +30,11 @@ from joshua_sts3215.registers import (
 
 LARGEST_ID = 253
 _VERSION = (0, MODEL.end)  # firmware and model
-_LIMITS = (MAX_TEMPERATURE.address, 3)  # °C, then the most and the least voltage in 0.1 V
+_LIMITS = (MAX_TEMPERATURE.address, 3)  # °C, then the maximum and minimum voltage in 0.1 V
 
 
 class Sts3215BusTools(ServoBusTools):
-    """Servos of the magnetic-encoder STS series on one port."""
+    """STS-series servos with magnetic encoders on one port."""
 
     family = "STS3215 servos"
     baudrates = LINE_SPEEDS
@@ -52,7 +52,7 @@ class Sts3215BusTools(ServoBusTools):
     )
 
     def read_motor(self, bus: ServoBus, servo_id: int) -> FoundMotor:
-        """Reads the data of a servo. Raises NoReply and PortDisconnected."""
+        """Read the data of a servo. Raises NoReply and PortDisconnected."""
         version = bus.read_block(servo_id, *_VERSION)
         limits = bus.read_block(servo_id, *_LIMITS)
         feedback = parse_feedback(bus.read_block(servo_id, *FEEDBACK))

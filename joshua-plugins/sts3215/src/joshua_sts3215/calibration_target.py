@@ -24,14 +24,14 @@ class Sts3215CalibrationTarget(ServoCalibrationTarget):
     _bus: Bus
 
     def make_bus(self, port: SerialPort) -> Bus:
-        """Makes the bus of the servos' protocol."""
+        """Return a bus that speaks the servos' protocol."""
         return Bus(port)
 
     @property
     def expected_models(self) -> dict[int, str]:
-        """Expected model of each servo by its id."""
+        """Expected model of each servo, by id."""
         return self._settings.models
 
     def read_setups(self) -> Sequence[ServoSetup]:
-        """Reads the EEPROM of all servos. Raises MotorCheckFailed if one has another working mode."""
+        """Read the EEPROM of all servos. Raises MotorCheckFailed if one is in the wrong operating mode."""
         return read_setups(self._bus, self._settings.motor_ids)

@@ -1,4 +1,4 @@
-"""Where STS3215 servos keep what a driver needs."""
+"""Register addresses of STS3215 servos that the shared servo driver uses."""
 
 from __future__ import annotations
 

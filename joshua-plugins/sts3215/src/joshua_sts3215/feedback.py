@@ -1,4 +1,4 @@
-"""The 15 bytes of feedback that one read of a servo brings."""
+"""The 15-byte feedback block of a servo."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ CURRENT_UNIT_A = 0.0065
 
 
 def parse_feedback(data: bytes) -> Feedback:
-    """Reads the block at address 56."""
+    """Read the block at address 56."""
     position, speed, load, voltage, temperature, _, status, moving, _, current = _LAYOUT.unpack(data)
     return Feedback(
         -(position & 0x7FFF) if position & 0x8000 else position,
@@ -21,5 +21,5 @@ def parse_feedback(data: bytes) -> Feedback:
         temperature,
         status,
         bool(moving),
-        (current & 0x7FFF) * CURRENT_UNIT_A,  # the bit above says which way it flows
+        (current & 0x7FFF) * CURRENT_UNIT_A,  # the bit above is the direction of flow
     )

@@ -29,12 +29,12 @@ from joshua_sts3215.settings import Sts3215Settings
 
 
 def inspect(bus: Bus, settings: Sts3215Settings) -> tuple[list[FoundMotor], list[ServoSetup]]:
-    """Checks motors, working mode and calibration of an open bus, without writing.
+    """Check motors, working mode and calibration of an open bus, without writing.
 
     Raises:
-        MotorCheckFailed: a motor is missing, of another model, or has other settings.
-        CalibrationMismatch: the calibration is not that of these servos.
-        DeviceDisconnected: a servo or the port was disconnected meanwhile.
+        MotorCheckFailed: a motor is missing, is of the wrong model, or has the wrong settings.
+        CalibrationMismatch: the calibration does not belong to these servos.
+        DeviceDisconnected: a servo or the adapter was disconnected during the check.
     """
     bus.detect_echo()
     motors = check_motors(bus, settings.models)
@@ -44,7 +44,7 @@ def inspect(bus: Bus, settings: Sts3215Settings) -> tuple[list[FoundMotor], list
 
 
 def read_setups(bus: Bus, ids: Sequence[int]) -> list[ServoSetup]:
-    """Reads the EEPROM of all servos. Raises MotorCheckFailed if one has another working mode."""
+    """Read the EEPROM of all servos. Raises MotorCheckFailed if one is in the wrong operating mode."""
     problems: list[str] = []
     setups = [_read_setup(bus, servo_id, problems) for servo_id in ids]
     refuse_setup(bus, problems)
@@ -59,7 +59,7 @@ def _read_setup(bus: Bus, servo_id: int, problems: list[str]) -> ServoSetup:
         return register.decode(block[register.address - start :])
 
     low, high = value(MIN_POSITION), value(MAX_POSITION)
-    if low == high == 0:  # the servo's way to say "no limits"
+    if low == high == 0:  # how the servo encodes "no limits"
         high = TICKS_PER_TURN - 1
     if value(MODE) != POSITION_MODE:
         problems.append(f"id {servo_id} works in mode {value(MODE)}, expected {POSITION_MODE} (position)")

@@ -13,12 +13,12 @@ WRITE: int = scservo_def.INST_WRITE
 SYNC_READ: int = scservo_def.INST_SYNC_READ
 SYNC_WRITE: int = scservo_def.INST_SYNC_WRITE
 BROADCAST_ID: int = scservo_def.BROADCAST_ID
-OVERHEAD = 6  # bytes of a packet beside its parameters
+OVERHEAD = 6  # bytes of a packet without its parameters
 _LARGEST_ID = 253
 
 
 def request(servo_id: int, instruction: int, parameters: bytes = b"") -> bytes:
-    """Makes an instruction packet."""
+    """Return an instruction packet."""
     body = bytes((servo_id, len(parameters) + 2, instruction)) + parameters
     return b"\xff\xff" + body + bytes((~sum(body) & 0xFF,))
 
@@ -31,7 +31,7 @@ class Search:
         self.rest = b""
 
     def feed(self, data: bytes) -> Iterator[Reply]:
-        """Adds bytes. Yields each complete reply, skipping noise."""
+        """Add bytes and yield each complete reply, skipping noise."""
         buffer = self.rest + data
         at = 0
         while True:

@@ -7,7 +7,7 @@ from joshua.api import ActuatorSpec, PluginSpec, hookimpl
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the driver of STS3215 buses."""
+    """Name the driver of STS3215 buses."""
     return [
         ActuatorSpec(
             block="sts3215_config",

@@ -15,7 +15,7 @@ MAX_SPEED_TICKS_S = 3400  # the servo's own maximum, about 5.2 rad/s
 TORQUE_OFF, TORQUE_ON = 0, 1
 POSITION_MODE = 0
 
-# Baud rate by register code. Sources agree on codes 0 to 4; public drivers have two readings of the rest.
+# Baud rate by register code. Sources agree on codes 0 to 4 and disagree on the rest.
 BAUDRATES = {0: 1_000_000, 1: 500_000, 2: 250_000, 3: 128_000, 4: 115_200, 5: 57_600, 6: 38_400, 7: 19_200}
 OTHER_BAUDRATES = {5: 76_800, 6: 57_600, 7: 38_400}
 LINE_SPEEDS = (*BAUDRATES.values(), 76_800)
@@ -26,7 +26,7 @@ MODEL = Register("model", 3, 2)
 ID = Register("id", 5, 1, eeprom=True)
 BAUDRATE = Register("baudrate", 6, 1, eeprom=True)  # code, see BAUDRATES
 RETURN_DELAY = Register("return_delay", 7, 1, eeprom=True)  # 2 µs
-STATUS_LEVEL = Register("status_level", 8, 1, eeprom=True)  # 1: every instruction is answered
+STATUS_LEVEL = Register("status_level", 8, 1, eeprom=True)  # 1: the servo replies to every instruction
 MIN_POSITION = Register("min_position", 9, 2, eeprom=True)  # ticks
 MAX_POSITION = Register("max_position", 11, 2, eeprom=True)  # ticks
 MAX_TEMPERATURE = Register("max_temperature", 13, 1, eeprom=True)  # °C
@@ -41,16 +41,16 @@ MODE = Register("mode", 33, 1, eeprom=True)  # 0 position, 1 velocity, 2 PWM, 3 
 OVERLOAD_TIME = Register("overload_time", 35, 1, eeprom=True)  # 10 ms
 OVERLOAD_TORQUE = Register("overload_torque", 36, 1, eeprom=True)  # % of stall torque
 TORQUE_ENABLE = Register("torque_enable", 40, 1)
-ACCELERATION = Register("acceleration", 41, 1)  # 100 ticks/s²; 0 is the most
-GOAL_POSITION = Register("goal_position", 42, 2, sign_bit=15)  # ticks; a write takes the motor under power
+ACCELERATION = Register("acceleration", 41, 1)  # 100 ticks/s²; 0: maximum
+GOAL_POSITION = Register("goal_position", 42, 2, sign_bit=15)  # ticks; a write enables torque
 GOAL_TIME = Register("goal_time", 44, 2, sign_bit=10)
-GOAL_SPEED = Register("goal_speed", 46, 2, sign_bit=15)  # ticks/s; 0 is the most
+GOAL_SPEED = Register("goal_speed", 46, 2, sign_bit=15)  # ticks/s; 0: maximum
 TORQUE_LIMIT = Register("torque_limit", 48, 2)  # 0.1 % of stall torque
 LOCK = Register("lock", 55, 1)  # 1: ignores writes to the EEPROM
 PRESENT_POSITION = Register("present_position", 56, 2, sign_bit=15)  # ticks
 STATUS = Register("status", 65, 1)  # bits of StatusBit
 
-EEPROM_SETUP = (5, 34)  # address and length of the block from ID to MODE and a little further
+EEPROM_SETUP = (5, 34)  # address and length of the block from ID to just beyond MODE
 FEEDBACK = (56, 15)  # address and length of the block from PRESENT_POSITION to the present current
 
 
@@ -69,7 +69,7 @@ STATUS_BITS = StatusBits(
         StatusBit.VOLTAGE: "voltage out of range",
         StatusBit.ENCODER: "encoder fault",
         StatusBit.TEMPERATURE: "too hot",
-        StatusBit.CURRENT: "too much current",
+        StatusBit.CURRENT: "overcurrent",
         StatusBit.OVERLOAD: "overloaded",
     },
     voltage=StatusBit.VOLTAGE,

@@ -25,9 +25,9 @@ from joshua_sts3215.registers import (
 
 
 class Sts3215Joint(ServoJoint):
-    """Settings of one servo, in the units of its block."""
+    """Settings of one servo, in the units of the block."""
 
-    #: Public practice for the grippers of SO-100 and SO-101 arms.
+    #: Values commonly used for the grippers of SO-100 and SO-101 arms.
     gripper_defaults: ClassVar[Mapping[str, float]] = {
         **GRIP_DEFAULTS,
         "torque_limit_percent": 50,
@@ -42,7 +42,7 @@ class Sts3215Joint(ServoJoint):
 
     @property
     def overload(self) -> tuple[float, float]:
-        """Load in % that trips the servo, and the time in s; the factory's where the file sets none."""
+        """Load in % and time in s that trip the overload protection; factory values if the file sets none."""
         return self.overload_torque_percent or 80, self.overload_time_s or 2
 
 
@@ -50,7 +50,7 @@ class Sts3215Settings(ServoSettings):
     """Settings of the driver. Positions stay in ticks, the unit of the servo.
 
     Attributes:
-        velocity_ticks_s, acceleration: of a move; 0 leaves the servo's own maximum.
+        velocity_ticks_s, acceleration: of a move; 0 keeps the servo's own maximum.
     """
 
     servo_name: ClassVar[str] = "STS3215"
@@ -74,10 +74,10 @@ class Sts3215Settings(ServoSettings):
 
     @property
     def models(self) -> dict[int, str]:
-        """Expected model of each servo by its id."""
+        """Expected model of each servo, by id."""
         return dict.fromkeys(self.motor_ids, MODEL_NAMES[MODEL_NUMBER])
 
     def speeds_ticks_s(self) -> list[float]:
-        """Fastest move of each motor."""
+        """Velocity limit of each motor's moves."""
         speed = min(self.velocity_ticks_s or MAX_SPEED_TICKS_S, MAX_SPEED_TICKS_S)
         return [float(speed)] * len(self.motor_ids)

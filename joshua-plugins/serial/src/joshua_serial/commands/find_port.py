@@ -1,4 +1,4 @@
-"""``joshua find-port``: the USB serial adapters of this machine, and which motors answer there."""
+"""``joshua find-port``: list the USB serial adapters of this machine and the motors that reply there."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace, device_root: str = "/") -> int:
-    """Print the ports. Exit code 0; 4 if there is none, or one that was named cannot be used.
+    """Print the ports. Exit code 0; 4 if there is none or a named port cannot be used.
 
     Args:
         device_root: folder that holds ``dev`` and ``sys``: ``/`` for the host's own devices.
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace, device_root: str = "/") -> int:
 
 
 def _look(entries: list[PortEntry], arguments: argparse.Namespace, device_root: str) -> list[PortSurvey]:
-    """Look at the ports and print each as soon as it is known."""
+    """Survey the ports and print each as soon as it is done."""
     from joshua_serial.ports.bus_plugins import installed_bus_tools
     from joshua_serial.ports.survey import survey
     from joshua_serial.ports.text import NOTHING, as_json, paragraph

@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def begin(arguments: argparse.Namespace, host: Host) -> int | None:
-    """Refuse options that contradict each other; write the udev rules in place of the checks."""
+    """Reject contradictory options; write the udev rules instead of running the checks."""
     if arguments.config and arguments.ports:
         sys.stderr.write(
             "joshua doctor: --config looks at the devices of the file, --port at a port: leave one out\n"
@@ -48,7 +48,7 @@ def begin(arguments: argparse.Namespace, host: Host) -> int | None:
 
 
 def check_name(spec: NodeSpec, settings: Any) -> Iterator[DoctorResult]:
-    """Advises to name an adapter by its identity."""
+    """Suggest naming an adapter by its identity."""
     by_path = getattr(settings, "port", "") and not (
         getattr(settings, "serial_number", "") or getattr(settings, "vid_pid", "")
     )

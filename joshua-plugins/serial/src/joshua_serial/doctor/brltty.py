@@ -1,4 +1,4 @@
-"""Does the driver of braille displays take adapters away?"""
+"""Check whether brltty, the braille display driver, claims serial adapters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ REMEDY = (
 
 
 def check(host: Host) -> Iterator[DoctorResult]:
-    """Look for adapters without a port while brltty is there, and for those that it may take."""
+    """Look for adapters without a port while brltty is installed, and for those that it may claim."""
     if not _is_there(host):
         return
     with_port = {entry.place for entry in list_ports(str(host.root))}

@@ -1,4 +1,4 @@
-"""How long an FTDI adapter holds bytes back."""
+"""Check the latency timer of FTDI adapters."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LONGEST_MS = 1
 
 
 def check(host: Host) -> Iterator[DoctorResult]:
-    """Read the timer of every port that has one; it delays each reply of a bus."""
+    """Read the latency timer of every port that has one; it delays each reply on a bus."""
     for entry in list_ports(str(host.root)):
         name = Path(entry.path).name
         file = f"sys/bus/usb-serial/devices/{name}/latency_timer"

@@ -1,4 +1,4 @@
-"""Does ModemManager talk to adapters that are no modems?"""
+"""Check whether ModemManager probes adapters that are not modems."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NAME = "ModemManager"
 
 
 def check(host: Host) -> Iterator[DoctorResult]:
-    """Look for the service, and for a rule that keeps it off each adapter."""
+    """Look for the service, and for a rule that excludes each adapter."""
     if "ModemManager" not in host.process_names():
         return
     lines = [line for line in host.udev_rules().splitlines() if "ID_MM_DEVICE_IGNORE" in line]

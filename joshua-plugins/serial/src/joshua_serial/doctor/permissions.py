@@ -1,4 +1,4 @@
-"""May this user open the serial ports?"""
+"""Check whether this user may open the serial ports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""udev rules that give each adapter a name and a mode of its own."""
+"""udev rules that give each adapter its own name and mode."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class NotOurs(Exception):
 
 
 def rules(ports: Sequence[PortEntry], names: Mapping[str, str]) -> str:
-    """The rules for some adapters.
+    """Return the rules for some adapters.
 
     Args:
         names: name for the adapter by its device path; the others are named by their identity.
@@ -62,7 +62,7 @@ def _rule(port: PortEntry, ports: Sequence[PortEntry], names: Mapping[str, str])
 
 
 def _pattern(text: str) -> str:
-    """A text as udev matches it: what would act as a pattern, or end the text, stands for any character."""
+    """Return text as a udev match; pattern characters and quotes are replaced by a wildcard."""
     return re.sub(r'[*?\[\]|"\\]|[^\x20-\x7e]', "?", text)
 
 

@@ -50,7 +50,7 @@ def write_rules(arguments: argparse.Namespace, host: Host) -> int:
 
 
 def _names(arguments: argparse.Namespace, host: Host, ports: Sequence[PortEntry]) -> dict[str, str]:
-    """The nodes of the configuration by the path of their adapter."""
+    """Return the nodes of the configuration by the path of their adapter."""
     if not arguments.config:
         return {}
     from joshua.tools import load, load_registry
@@ -65,7 +65,7 @@ def _names(arguments: argparse.Namespace, host: Host, ports: Sequence[PortEntry]
         try:
             found = Path(resolve(endpoint).path).resolve()
         except DeviceError:
-            continue  # not plugged in: there is no rule for it either
+            continue  # not plugged in, so it gets no rule
         if found in paths:
             names[paths[found]] = node.node
     return names

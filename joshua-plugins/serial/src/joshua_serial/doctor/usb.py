@@ -1,4 +1,4 @@
-"""Adapters behind many hubs."""
+"""Check for adapters behind many hubs."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What the commands around serial ports share: which ports there are, who holds them, what answers there."""
+"""Shared parts of the serial port commands: find ports, their users, and the motors that reply there."""

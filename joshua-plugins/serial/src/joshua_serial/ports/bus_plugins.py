@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 def installed_bus_tools(registry: Registry | None = None) -> dict[str, type[Any]]:
-    """Bus tools by the configuration block whose driver brings them, such as ``sts3215_config``.
+    """Return the bus tools by configuration block, such as ``sts3215_config``.
 
-    One that cannot be imported is named on standard error and left out.
+    Tools that cannot be imported are reported on standard error and left out.
     """
     found: dict[str, type[Any]] = {}
     for row in (registry or load_registry()).rows():
@@ -30,5 +30,5 @@ def installed_bus_tools(registry: Registry | None = None) -> dict[str, type[Any]
 
 
 def short_name(block: str) -> str:
-    """What a user calls a family on the command line: ``sts3215`` for ``sts3215_config``."""
+    """Return the name of a family on the command line: ``sts3215`` for ``sts3215_config``."""
     return block.removesuffix("_config").rpartition(".")[2]

@@ -1,4 +1,4 @@
-"""Which adapter belongs to which node of a configuration, and under which lasting name."""
+"""Match adapters to the nodes of a configuration and choose a permanent name for each."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from joshua_serial.usb_ports import Endpoint, PortEntry, is_lasting_name, resolv
 
 
 class Ambiguous(Exception):
-    """It cannot be told which adapter a node means, or how to name it. The message says what to do."""
+    """The adapter of a node, or its name, is ambiguous. The message gives the remedy."""
 
 
 @dataclass(frozen=True)
@@ -32,14 +32,14 @@ class NodePort:
 def adapter_of(
     node: NodePort, ports: Sequence[PortEntry], device_root: str, *, is_named: bool, chosen: PortEntry | None
 ) -> PortEntry:
-    """The adapter that a node means.
+    """Return the adapter that a node refers to.
 
     Args:
-        ports: all adapters that are plugged in; chosen: the one that the user named.
-        is_named: the user named this node, so that a single adapter can only be its own.
+        ports: all connected adapters; chosen: the one that the user named.
+        is_named: the user named this node, so a single adapter must be its own.
 
     Raises:
-        Ambiguous: it cannot be told.
+        Ambiguous: several adapters are possible.
     """
     if chosen is not None:
         if not chosen.vid_pid:
@@ -72,10 +72,10 @@ def adapter_of(
 
 
 def lasting_name(entry: PortEntry, ports: Sequence[PortEntry], node: NodePort) -> dict[str, str]:
-    """Fields of ``serial`` that name an adapter wherever it is plugged in.
+    """Return the ``serial`` fields that identify an adapter in any socket.
 
     Raises:
-        Ambiguous: it has no identity of its own.
+        Ambiguous: the adapter has no unique identity.
     """
     if entry.serial_number:
         equal = [port for port in ports if port.serial_number == entry.serial_number]
@@ -96,7 +96,7 @@ def lasting_name(entry: PortEntry, ports: Sequence[PortEntry], node: NodePort) -
             return {"vid_pid": entry.vid_pid}
         kind = f"no serial number, and the product {entry.vid_pid}"
     if is_lasting_name(node.port) and Path(node.port).exists():
-        return {}  # a rule names it by its socket, and the file has taken that name over
+        return {}  # a udev rule names it by its socket, and the file already uses that name
     paths = ", ".join(port.path for port in equal)
     raise Ambiguous(
         f"{node.node}: {len(equal)} adapters have {kind} ({paths}), so it does not tell them apart. "

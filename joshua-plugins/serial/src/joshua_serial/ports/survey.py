@@ -1,4 +1,4 @@
-"""Looks at serial ports one by one: can they be opened, who holds them, which motors answer there."""
+"""Survey of serial ports: whether they can be opened, which process uses them, which motors reply."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ Families = Mapping[str, type[Any]]
 
 @dataclass(frozen=True)
 class PortSurvey:
-    """What is known about one port.
+    """Result of the survey for one port.
 
     Attributes:
-        problem: why it cannot be used, with what to do; "" if it can.
-        is_scanned: whether motors were looked for.
-        motors: those that answer, with the configuration block of their family.
+        problem: why it cannot be used, with the remedy; "" if it can.
+        is_scanned: whether the port was scanned for motors.
+        motors: those that reply, with the configuration block of their family.
     """
 
     entry: PortEntry
@@ -39,19 +39,19 @@ class PortSurvey:
 
 
 def chosen_ports(paths: Iterable[str], device_root: str) -> list[PortEntry]:
-    """The ports that are named, else all USB serial ports. Raises nothing: a path may lead nowhere."""
+    """Return the named ports, or else all USB serial ports. A named path need not exist."""
     named = [resolve(Endpoint(path, device_root=device_root)) for path in paths]
     return named or list_ports(device_root)
 
 
 def survey(entries: Iterable[PortEntry], families: Families, device_root: str) -> Iterator[PortSurvey]:
-    """Look at ports; with ``families`` every motor that answers is named, without them nothing is sent."""
+    """Survey ports; scan for motors of ``families``. Without families nothing is sent."""
     for entry in entries:
         yield _scan(entry, families, device_root) if families else PortSurvey(entry, access_problem(entry))
 
 
 def access_problem(entry: PortEntry) -> str:
-    """Why a port cannot be used, found without opening it."""
+    """Return why a port cannot be used, without opening it."""
     path = Path(entry.path)
     if not path.exists():
         return f"{path}: no such serial port"
@@ -77,7 +77,7 @@ def _scan(entry: PortEntry, families: Families, device_root: str) -> PortSurvey:
 
 
 def _motors(port: SerialPort, families: Families) -> Iterator[tuple[str, FoundMotor]]:
-    """Look at the usual line speeds first: a bus of one family need not be searched for the others."""
+    """Scan at the usual line speeds first, because a bus of one family needs no scan for the others."""
     tools = {block: family(port) for block, family in families.items()}
     found = {block: list(item.scan(item.baudrates[:1])) for block, item in tools.items()}
     present = [block for block, motors in found.items() if motors]

@@ -1,4 +1,4 @@
-"""Ports and motors for people and for programs."""
+"""Ports and motors as text and as JSON."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Plug one in and switch on the arm's supply. If it is plugged in already:
 
 
 def paragraph(found: PortSurvey, families: Families) -> str:
-    """One port: what to write into ``comm.serial``, the lasting name first; then what answers there."""
+    """Return one port as text: what to write into ``comm.serial``, then the motors that reply."""
     entry = found.entry
     about = [entry.product, f"driver {entry.driver}" if entry.driver else ""]
     lines = ["  ".join([entry.path, ", ".join(part for part in about if part)]).rstrip()]
@@ -38,7 +38,7 @@ def paragraph(found: PortSurvey, families: Families) -> str:
 
 
 def motor_lines(found: PortSurvey, families: Families) -> list[str]:
-    """The motors of one port, one line for each family and line speed, then what is wrong with any."""
+    """Return the motors of one port, one line for each family and line speed, then their problems."""
     if not found.motors:
         names = ", ".join(tools.family for tools in families.values())
         return [f"  no motor answers ({names} were looked for at every line speed): is the supply on?"]
@@ -69,7 +69,7 @@ def _volts(motors: Sequence[FoundMotor]) -> str:
 
 
 def remarks(motor: FoundMotor, tools: type[Any]) -> list[str]:
-    """What is wrong with a motor, each with what to do."""
+    """Return the problems of a motor, each with its remedy."""
     if motor.shared:
         return ["several motors answer: connect one alone and change its id with joshua motors setup"]
     found = [motor.status] if motor.status else []
@@ -79,6 +79,6 @@ def remarks(motor: FoundMotor, tools: type[Any]) -> list[str]:
 
 
 def as_json(found: PortSurvey) -> dict[str, Any]:
-    """One port for programs."""
+    """Return one port as JSON."""
     motors: Sequence[dict[str, Any]] = [{"block": block, **asdict(motor)} for block, motor in found.motors]
     return {**asdict(found.entry), "problem": found.problem, "motors": motors if found.is_scanned else None}

@@ -1,4 +1,4 @@
-"""Changes scalar fields in the text of configuration files: comments and layout stay as they are."""
+"""Edits of scalar fields in configuration files that preserve comments and layout."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class EditError(Exception):
-    """A field cannot be written into the text; the message says where and why."""
+    """A field cannot be written into the text. The message says where and why."""
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,13 @@ class Edit:
 
 
 def set_strings(positions: Positions, block_path: str, values: dict[str, str]) -> list[Edit]:
-    """Plans the edits that give string fields of a written block their values.
+    """Plan the edits that set string fields of a block in the text.
 
-    A field that is there keeps its place; a new one stands behind a neighbour, on a line of its own where
-    the neighbour has one.
+    An existing field keeps its place. A new one follows a neighbour, on its own line if the neighbour
+    has one.
 
     Raises:
-        EditError: the block is not written in a file, or nothing is written in it.
+        EditError: the block is in no file, or is empty.
     """
     edits: list[Edit] = []
     anchor = _anchor(positions, block_path)
@@ -52,7 +52,7 @@ def set_strings(positions: Positions, block_path: str, values: dict[str, str]) -
 
 
 def apply_edits(text: str, edits: Iterable[Edit]) -> str:
-    """The text after the edits of one file. Raises EditError if it would no longer parse."""
+    """Return the text after the edits. Raises EditError if it would no longer parse."""
     name = ""
     for edit in sorted(edits, key=lambda edit: edit.start, reverse=True):
         text = text[: edit.start] + edit.text + text[edit.end :]

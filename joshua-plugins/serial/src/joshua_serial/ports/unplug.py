@@ -1,4 +1,4 @@
-"""``joshua find-port --unplug``: which adapter is whose, found by pulling its plug."""
+"""``joshua find-port --unplug``: identify an adapter by unplugging it."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ TIMEOUT_S = 60.0
 
 
 class NothingHappened(Exception):
-    """No plug was pulled or put back, or several were. The message says what to do."""
+    """No adapter was unplugged or plugged back in, or several were. The message gives the remedy."""
 
 
 def find_by_unplugging(device_root: str, timeout_s: float = TIMEOUT_S) -> PortEntry:
-    """Ask for the plug to be pulled and put back; return the adapter under its present name.
+    """Ask the user to unplug an adapter and plug it back in; return it under its present name.
 
     Raises:
-        NothingHappened: in time nothing changed, or it is not clear what did.
+        NothingHappened: nothing changed in time, or the change is ambiguous.
     """
     before = list_ports(device_root)
     if not before:
@@ -40,7 +40,7 @@ def find_by_unplugging(device_root: str, timeout_s: float = TIMEOUT_S) -> PortEn
 def _wait(
     holds: Callable[[Sequence[PortEntry]], bool], device_root: str, timeout_s: float, otherwise: str
 ) -> list[PortEntry]:
-    """Look at the ports until something holds, and once more after a moment in which all may settle."""
+    """Poll the ports until a condition holds, and once more after they have settled."""
     deadline_s = time.monotonic() + timeout_s
     while not holds(list_ports(device_root)):
         if time.monotonic() > deadline_s:

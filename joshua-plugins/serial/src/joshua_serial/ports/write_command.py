@@ -1,4 +1,4 @@
-"""``joshua find-port --write``: the lasting identity of adapters into a configuration, all or nothing."""
+"""``joshua find-port --write``: write the identities of adapters into a configuration, all or none."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Refused(Exception):
-    """Nothing is written. The message says why. ``code`` is the exit code."""
+    """Nothing was written. The message says why. ``code`` is the exit code."""
 
     def __init__(self, message: str, code: ExitCode = ExitCode.INVALID) -> None:
         super().__init__(message)
@@ -29,7 +29,7 @@ class Refused(Exception):
 
 
 def write(arguments: argparse.Namespace, named: Sequence[PortEntry], device_root: str) -> int:
-    """Write the identities, and show the change. Exit code 0; 2 and 4 if nothing was written."""
+    """Write the identities and show the change. Exit code 0; 2 or 4 if nothing was written."""
     try:
         changed = _write(arguments, named, device_root)
     except Refused as error:
@@ -41,7 +41,7 @@ def write(arguments: argparse.Namespace, named: Sequence[PortEntry], device_root
 
 
 def node_ports(loaded: LoadedConfig) -> Iterator[NodePort]:
-    """The nodes of a file that have a serial link."""
+    """Return the nodes of a file that have a serial link."""
     from joshua.tools import wanted_nodes
 
     for want in wanted_nodes(loaded.graph, devices=True, models=False):
@@ -119,7 +119,7 @@ def _identities(
     *,
     is_named: bool,
 ) -> tuple[dict[str, dict[str, str]], list[str]]:
-    """Fields to write by path of the ``serial`` block, and what cannot be told."""
+    """Return the fields to write by path of the ``serial`` block, and what is ambiguous."""
     values: dict[str, dict[str, str]] = {}
     problems: list[str] = []
     owners: dict[str, str] = {}
@@ -160,7 +160,7 @@ def _show(name: str, old: str, new: str) -> None:
 
 
 def _replace_all(loaded: LoadedConfig, texts: dict[str, str], values: dict[str, dict[str, str]]) -> None:
-    """Replace the files, and read them back; put all of them back where anything is not as meant.
+    """Replace the files and read them back; restore all of them if anything differs.
 
     Raises Refused.
     """
@@ -178,7 +178,7 @@ def _replace_all(loaded: LoadedConfig, texts: dict[str, str], values: dict[str, 
 
 
 def _in_style_of(original: bytes, text: str) -> str:
-    """Line ends and byte order mark as the file had them."""
+    """Return text with the line ends and byte order mark of the original file."""
     mark = "\ufeff" if original.startswith(b"\xef\xbb\xbf") else ""
     return mark + (text.replace("\n", "\r\n") if b"\r\n" in original else text)
 
