@@ -18,7 +18,7 @@ from joshua.api import DeviceError
 from joshua_camera.source import CameraSource
 from joshua_camera.source_text import scheme
 
-_STEP_S = 0.05  # how soon a request to stop is noticed
+_STEP_S = 0.05  # latency of a stop request
 _PICTURE_TYPES = ("multipart/x-mixed-replace", "image/", "video/", "application/octet-stream")
 
 
@@ -27,7 +27,7 @@ def connect(source: CameraSource, endpoint: tuple[str, int], stop: threading.Eve
 
     Args:
         endpoint: host and port.
-        stop: ends the wait.
+        stop: aborts the wait.
         timeout_s: longest wait for an answer.
 
     Raises:
@@ -36,7 +36,7 @@ def connect(source: CameraSource, endpoint: tuple[str, int], stop: threading.Eve
     host, port = endpoint
     try:
         addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    except (OSError, UnicodeError) as error:  # the latter where it cannot be a name
+    except (OSError, UnicodeError) as error:  # the latter if the host is not a valid name
         raise DeviceError(
             f"{source.label} cannot be reached: the host {host} is unknown ({_reason(error)}): "
             "check its name, or write its IP address"
@@ -63,7 +63,7 @@ def connect(source: CameraSource, endpoint: tuple[str, int], stop: threading.Eve
 
 
 def explain(source: CameraSource, waited_s: float, timeout_s: float) -> DeviceError:
-    """Explain why a responding address is no camera, by another HTTP request."""
+    """Explain why a responding address is not a camera, by another HTTP request."""
     if scheme(source.target) not in ("http", "https"):
         late = waited_s >= timeout_s
         reason = f"it sent nothing within {timeout_s:g} s" if late else "its reply could not be read"
@@ -97,7 +97,7 @@ def explain(source: CameraSource, waited_s: float, timeout_s: float) -> DeviceEr
 
 
 def _ask(address: str, timeout_s: float) -> tuple[int, str, str]:
-    """Status, its reason and the content type of an address over HTTP."""
+    """Return the HTTP status, its reason and the content type of an address."""
     parts = urlsplit(address)
     host, port = parts.hostname or "", parts.port
     connection = (

@@ -1,7 +1,7 @@
-"""Tells pictures that were taken just now from those that waited in a buffer.
+"""Tell fresh pictures from those that waited in a buffer.
 
-A network stream contains no acquisition time. When the reader or the network was stalled, the buffers hold
-old pictures, which then come without any wait; stamped with the time of their arrival they would lie.
+A network stream contains no acquisition time. After a stall of the reader or the network, buffers hold old
+pictures that then arrive without any wait. Their time of arrival would be a wrong stamp.
 """
 
 from __future__ import annotations
@@ -13,25 +13,25 @@ _NS_PER_S = 1_000_000_000
 _WINDOW = 5
 _HELD_UP_PERIODS = 3.0
 
-#: Shorter gaps are the jitter of the system.
+#: Shorter gaps are system jitter.
 LEAST_GAP_NS = 50_000_000
 
-#: A picture for which the reader slept this long was not in a buffer.
+#: A picture that the reader waited this long for was not in a buffer.
 LEAST_WAIT_NS = 2_000_000
 
-#: No buffer takes longer to empty; a source that comes in bursts must not be shut out indefinitely.
+#: No buffer takes longer to drain; a source that sends bursts must not be rejected indefinitely.
 LONGEST_DRAIN_NS = 1_000_000_000
 
 
 class Backlog:
-    """Judges each picture of a live stream by how long the reader slept for it.
+    """Judges each picture of a live stream by how long the reader waited for it.
 
-    After the opening, after a pause of three usual distances, and after one in which nobody waited, pictures
-    are old until one comes that was waited for at least half the usual distance. That distance is the median
-    of the last ones between pictures that had to be waited for.
+    After opening, after a pause of three usual intervals, and after a period without a reader, pictures count
+    as old until the reader has waited at least half the usual interval for one. The usual interval is the
+    median of the last intervals between pictures that the reader had to wait for.
 
     Args:
-        fps: frames per second that are expected at first.
+        fps: initially expected frames per second.
     """
 
     def __init__(self, fps: float) -> None:
@@ -42,12 +42,12 @@ class Backlog:
         self._draining_since_ns: int | None = None
 
     def is_fresh(self, began_ns: int, ended_ns: int, slept_ns: int) -> bool:
-        """Whether a picture is new.
+        """Return whether a picture is fresh.
 
         Args:
-            began_ns: when the reader asked for it, monotonic clock.
-            ended_ns: when it was there.
-            slept_ns: how much of the time between the reader slept.
+            began_ns: when the reader started to wait, monotonic clock.
+            ended_ns: when the picture arrived.
+            slept_ns: how long the reader slept in between.
         """
         last_ns, self._last_ns = self._last_ns, ended_ns
         usual_ns = self._usual_ns()
@@ -58,7 +58,7 @@ class Backlog:
             self._draining_since_ns = ended_ns
             return False
         elif began_ns - last_ns > max(usual_ns, LEAST_WAIT_NS):
-            # nobody waited when it came, so nobody knows when that was
+            # no reader waited for it, so its arrival time is unknown
             self._draining_since_ns = ended_ns
         if self._draining_since_ns is not None and (
             slept_ns >= usual_ns / 2 or ended_ns - self._draining_since_ns > LONGEST_DRAIN_NS

@@ -28,7 +28,7 @@ IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
-#: What a subscriber of ROS 2's image_transport gets back, and how it is stored.
+#: ROS 2 image_transport format: decoded encoding, and how the picture is stored.
 JPEG_FORMAT = "rgb8; jpeg compressed bgr8"
 
 _CAPTURES: dict[SourceKind, type[Capture]] = {
@@ -42,8 +42,8 @@ _CAPTURES: dict[SourceKind, type[Capture]] = {
 class OpenCvCamera(Sensor):
     """A camera read by OpenCV.
 
-    ``Reading.data`` is a ``Picture``. ``Reading.sequence`` counts what came from the camera, so that a gap
-    is a picture that was dropped, stale or damaged. Images are ``rgb8``, compressed ones are JPEG.
+    ``Reading.data`` is a ``Picture``. ``Reading.sequence`` counts all pictures from the camera, so a gap
+    means dropped, stale or damaged pictures. Images are ``rgb8``, compressed images are JPEG.
 
     Args:
         settings: of the camera.
@@ -63,12 +63,12 @@ class OpenCvCamera(Sensor):
         self._warnings: tuple[str, ...] = ()
         self._refused: tuple[str, ...] = ()
         self._figures = FigureKeeper()
-        # Without a node's list of types everything may be asked for, pixels included.
+        # Without a node's list of types any type may be requested, pixels included.
         self._needs_pixels = not settings.publishes or IMAGE in settings.publishes or settings.display
 
     @property
     def data_types(self) -> tuple[str, ...]:
-        """Raw and compressed pictures, and the camera's calibration."""
+        """ROS 2 types: raw and compressed images, and the camera's calibration."""
         return (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO)
 
     @property
@@ -78,24 +78,24 @@ class OpenCvCamera(Sensor):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings about the settings, known after the camera was opened."""
+        """Warnings about the settings, available after the camera is open."""
         return self._warnings
 
     @property
     def refused(self) -> tuple[str, ...]:
-        """Warnings about settings that the camera does not keep."""
+        """Warnings about settings that the camera did not apply."""
         return self._refused
 
     @property
     def figures(self) -> Figures:
-        """Figures since the camera was last opened."""
+        """Statistics since the camera was last opened."""
         return self._figures.figures()
 
     def connect(self) -> None:
         """Open the camera and wait for its first picture.
 
         Raises:
-            DeviceError: the camera is missing, busy, not allowed, of another size or silent, or the
+            DeviceError: the camera is missing, busy, forbidden, has another size or sends nothing, or the
                 intrinsics are wrong. The message names the camera and the remedy.
             Cancelled: the run ends.
         """
@@ -123,7 +123,7 @@ class OpenCvCamera(Sensor):
         """Wait for the next picture.
 
         Raises:
-            DeviceDisconnected: the camera was unplugged, ended its stream, or stalls.
+            DeviceDisconnected: the camera was unplugged, ended its stream or stalled.
             DeviceError: the camera changed the size of its pictures.
         """
         self.require_connected("read")
@@ -154,7 +154,7 @@ class OpenCvCamera(Sensor):
         return image(picture.as_rgb(), frame_id=frame_id, at_ns=reading.stamp_ns)
 
     def cancel(self) -> None:
-        """End a ``connect`` or ``read`` that waits, for good and from any thread: the node stops."""
+        """Abort a waiting ``connect`` or ``read`` permanently because the node stops. Thread-safe."""
         with self._lock:
             self._cancelled = True
             thread = self._thread
@@ -169,7 +169,7 @@ class OpenCvCamera(Sensor):
             thread.close()
 
     def _load_intrinsics(self) -> list[str]:
-        """Read the calibration; return what the start-up table must say about it."""
+        """Read the calibration; return a note for the start-up table."""
         settings = self.settings
         if settings.intrinsics_file:
             self._intrinsics = load_intrinsics(settings.intrinsics_file, settings.width, settings.height)

@@ -1,4 +1,4 @@
-"""Intrinsic calibration: the YAML file of ROS 2's camera calibrator, and the message made of it."""
+"""Intrinsic calibration: the YAML file of ROS 2's camera calibrator, and the message made from it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _finite(values: tuple[float, ...]) -> tuple[float, ...]:
 
 
 class _Matrix(BaseModel):
-    """A matrix as the calibrator writes it: rows, columns, numbers row by row."""
+    """A matrix as the calibrator writes it: rows, columns, and values row by row."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -66,7 +66,7 @@ class Intrinsics(BaseModel):
 
 
 def uncalibrated(width: int, height: int) -> Intrinsics:
-    """The CameraInfo of a camera without calibration: the size, and zeros."""
+    """Return the CameraInfo of a camera without calibration: the size, and zeros."""
     return Intrinsics(
         width=width, height=height, camera=(0.0,) * 9, rectification=(0.0,) * 9, projection=(0.0,) * 12
     )
@@ -76,7 +76,7 @@ def load_intrinsics(path: str, width: int, height: int) -> Intrinsics:
     """Read a calibration for pictures of a size.
 
     Raises:
-        DeviceError: the file cannot be read, is no calibration, or is of another size.
+        DeviceError: the file cannot be read, is not a calibration, or is for another size.
     """
     content = _read(path)
     try:
@@ -110,7 +110,7 @@ def load_intrinsics(path: str, width: int, height: int) -> Intrinsics:
 
 
 def camera_info(intrinsics: Intrinsics, header: Any) -> Any:
-    """Make the ``sensor_msgs/msg/CameraInfo`` of a picture with this header."""
+    """Return the ``sensor_msgs/msg/CameraInfo`` for a picture with this header."""
     region = message_class("sensor_msgs/msg/RegionOfInterest")(0, 0, 0, 0, False)
     return message_class("sensor_msgs/msg/CameraInfo")(
         header,

@@ -25,8 +25,8 @@ class Grab:
 
     Attributes:
         began_ns, ended_ns: when the wait for it began and ended, monotonic clock.
-        slept_ns: how much of the time between this thread slept, decoding left out.
-        acquired_ns: acquisition time, monotonic clock: the device's own where it has one, else ``ended_ns``.
+        slept_ns: how long this thread slept in between, without decoding.
+        acquired_ns: acquisition time, monotonic clock; from the device if it reports one, else ``ended_ns``.
         picture: None if the picture is damaged.
         width, height: of the picture, in pixels; 0 if it is damaged.
     """
@@ -41,12 +41,12 @@ class Grab:
 
 
 class Capture(ABC):
-    """A camera that one thread opens, reads and closes. ``interrupt`` is for any thread.
+    """A camera that one thread opens, reads and closes. Only ``interrupt`` is thread-safe.
 
     Attributes:
         has_own_clock: whether pictures carry the device's acquisition time.
-        delivers_jpeg: whether pictures come as JPEG files, which are decoded only when somebody wants pixels.
-        refused: settings that the camera does not keep; notes: settings that have no effect on it.
+        delivers_jpeg: whether pictures arrive as JPEG files, which are decoded only when pixels are needed.
+        refused: settings that the camera did not apply; notes: settings that have no effect on it.
     """
 
     has_own_clock = False
@@ -67,10 +67,10 @@ class Capture(ABC):
 
     @abstractmethod
     def interrupt(self) -> None:
-        """End a wait inside ``open`` or ``grab`` as soon as the system allows; any thread."""
+        """Abort a wait inside ``open`` or ``grab`` as soon as the system allows. Thread-safe."""
 
     def grab(self) -> Grab | None:
-        """Wait for the next picture; None when there is none any more, or after ``interrupt``."""
+        """Wait for the next picture; None at the end of the stream or after ``interrupt``."""
         began_ns, worked_ns = time.monotonic_ns(), time.thread_time_ns()
         if self._interrupted.is_set() or not self._video.grab():
             return None
@@ -79,7 +79,7 @@ class Capture(ABC):
         return self._finish(Grab(began_ns, ended_ns, slept_ns, self._acquired_ns(ended_ns)))
 
     def exposure(self) -> str:
-        """The present exposure in words; "" if the camera does not report it."""
+        """Return the present exposure as text; "" if the camera does not report it."""
         return ""
 
     def pixel_format(self) -> str:
@@ -103,7 +103,7 @@ class Capture(ABC):
         return DeviceError(f"{self.source.label} {problem}: {remedy}")
 
     def _finish(self, grab: Grab) -> Grab:
-        """Take over the picture that was grabbed."""
+        """Retrieve the grabbed picture."""
         done, data = self._video.retrieve()
         if not done or data is None or not data.size:
             return grab

@@ -1,4 +1,4 @@
-"""The thread that empties a camera's buffers and keeps the newest picture only."""
+"""The thread that drains a camera's buffers and keeps only the newest picture."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from joshua_camera.figures import FigureKeeper
 from joshua_camera.limits import stall_limit_s
 from joshua_camera.picture import Picture
 
-#: How long the end of the thread is waited for; a library that does not wake up ends it later by itself.
+#: Longest wait for the end of the thread; a library call that does not wake up ends later by itself.
 JOIN_S = 1.0
 
-#: A clock that is set back by more than this cannot be made good by stamps that stand still.
+#: If the clock is set back by more than this, stamps restart instead of standing still.
 LARGEST_CLOCK_STEP_NS = 500_000_000
 
-_LOOK_S = 0.05  # longest delay before a stop or a missing picture is noticed
+_LOOK_S = 0.05  # longest delay until a stop or a missing picture is noticed
 
-#: A reading of two clocks that takes longer was interrupted, and is made again.
+#: If reading both clocks takes longer, it was interrupted and is repeated.
 _CLOSE_NS = 1_000_000
 _CLOCK_ATTEMPTS = 10
 
@@ -35,7 +35,7 @@ _NS_PER_S = 1_000_000_000
 
 @dataclass(frozen=True)
 class Newest:
-    """The newest picture: its running number, its stamp (ns since the epoch), acquisition (monotonic)."""
+    """The newest picture: sequence number, stamp (ns since the epoch), acquisition time (monotonic)."""
 
     number: int
     stamp_ns: int
@@ -44,7 +44,7 @@ class Newest:
 
 
 class CaptureThread:
-    """Owns a capture from its opening to its end, so that OpenCV is used by one thread only."""
+    """Owns a capture from opening to closing, so that only one thread uses OpenCV."""
 
     def __init__(self, capture: Capture) -> None:
         self.figures = FigureKeeper()
@@ -55,15 +55,15 @@ class CaptureThread:
         self._newest: Newest | None = None
         self._failure: DeviceError | None = None
         self._last_ns = 0
-        self._awake = AwakeClock()  # of those who wait for pictures
-        self._heard = (0, 0.0)  # the last picture that they know of, and when they came to know
+        self._awake = AwakeClock()  # of threads that wait for pictures
+        self._heard = (0, 0.0)  # the last picture that they received, and when
         self._last_stamp_ns = 0
         self._simulated = StampClock()
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
 
     @property
     def refused(self) -> tuple[str, ...]:
-        """Settings that the camera does not keep."""
+        """Settings that the camera did not apply."""
         return tuple(self._capture.refused)
 
     @property
@@ -78,7 +78,7 @@ class CaptureThread:
             stopping: polled; the wait ends when it returns true.
 
         Raises:
-            DeviceError: there is none in time; the thread is ended then, as with Cancelled.
+            DeviceError: no picture in time; the thread has ended, as with Cancelled.
             Cancelled: the run ends.
         """
         # A thread that still waits inside OpenCV when the interpreter ends would abort the process.
@@ -112,7 +112,7 @@ class CaptureThread:
         """Wait for a new picture; None if none arrives in time.
 
         Raises:
-            DeviceDisconnected: the camera has ended or stalls.
+            DeviceDisconnected: the stream ended or stalled.
         """
         deadline_s = time.monotonic() + timeout_s
         with self._changed:
@@ -130,7 +130,7 @@ class CaptureThread:
                 self._changed.wait(min(wait_s, _LOOK_S))
 
     def interrupt(self) -> None:
-        """End the waits of ``open`` and ``take``, and the thread; any thread, does not wait."""
+        """Abort ``open``, ``take`` and the thread without waiting. Thread-safe."""
         with self._changed:
             self._stop.set()
             self._changed.notify_all()
@@ -149,7 +149,7 @@ class CaptureThread:
 
     @property
     def alive(self) -> bool:
-        """Whether the thread still runs."""
+        """Whether the thread is running."""
         return self._thread.is_alive()
 
     def _run(self) -> None:
@@ -208,7 +208,7 @@ class CaptureThread:
             self._changed.notify_all()
 
     def _stamp_ns(self, acquired_ns: int) -> int:
-        """An acquisition time on the clock of stamps; later than the one before."""
+        """Return the stamp of an acquisition time; always later than the one before."""
         if ros_time.is_simulated():
             return self._simulated.now_ns()
         stamp_ns = _epoch_offset_ns() + acquired_ns
@@ -245,7 +245,7 @@ class CaptureThread:
 
 
 def _epoch_offset_ns() -> int:
-    """Nanoseconds since the epoch less those of the monotonic clock, read together."""
+    """Return the epoch time minus the monotonic time in ns, read together."""
     for _ in range(_CLOCK_ATTEMPTS):
         before_ns = time.monotonic_ns()
         wall_ns = time.time_ns()

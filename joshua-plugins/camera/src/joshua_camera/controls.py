@@ -1,4 +1,4 @@
-"""Applies the settings of a device in the order that devices need, and reads each one back."""
+"""Apply the settings of a device in the order that devices require, and read each one back."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from joshua_camera import v4l2
 from joshua_camera.settings import CameraSettings
 
-# V4L2's menu values of the automatic exposure.
+# V4L2 menu values of automatic exposure.
 _EXPOSURE_MANUAL = 1
 _UNITS_PER_S = 10_000  # V4L2 counts the exposure in 100 µs
 
@@ -23,7 +23,7 @@ _CONTROL_IDS = {
 
 @dataclass(frozen=True)
 class Applied:
-    """The result of one setting: the requested value, and the one that the device reports."""
+    """The result of one setting: the requested value and the reported one."""
 
     name: str
     asked: str
@@ -31,18 +31,18 @@ class Applied:
 
     @property
     def kept(self) -> bool:
-        """Whether the device does what it was asked for."""
+        """Whether the device applied the requested value."""
         return self.asked == self.found
 
 
 def apply_format(cv2: Any, video: Any, settings: CameraSettings) -> list[Applied]:
-    """Set pixel format, size and rate, in this order: each one limits the choice of the next."""
+    """Set pixel format, size and rate, in this order because each one limits the next."""
     code = settings.pixel_format
     video.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*code))
     video.set(cv2.CAP_PROP_FRAME_WIDTH, settings.width)
     video.set(cv2.CAP_PROP_FRAME_HEIGHT, settings.height)
     video.set(cv2.CAP_PROP_FPS, settings.fps)
-    # Only now is anything read: a device may take one setting back when the next one does not go with it.
+    # Read back only now: a device may revert one setting if the next one does not go with it.
     size = f"{video.get(cv2.CAP_PROP_FRAME_WIDTH):.0f} × {video.get(cv2.CAP_PROP_FRAME_HEIGHT):.0f}"
     found_code = v4l2.fourcc_text(int(video.get(cv2.CAP_PROP_FOURCC)))
     return [
@@ -53,7 +53,7 @@ def apply_format(cv2: Any, video: Any, settings: CameraSettings) -> list[Applied
 
 
 def apply_controls(cv2: Any, video: Any, settings: CameraSettings) -> list[Applied]:
-    """Set the controls that the settings name and leave the others as they are."""
+    """Set the controls that the settings name; leave the others unchanged."""
     wanted = {
         "brightness": (cv2.CAP_PROP_BRIGHTNESS, settings.brightness),
         "contrast": (cv2.CAP_PROP_CONTRAST, settings.contrast),
@@ -65,7 +65,7 @@ def apply_controls(cv2: Any, video: Any, settings: CameraSettings) -> list[Appli
         if value is None:
             continue
         if name == "exposure" and sys.platform == "linux":
-            # A device that regulates the exposure itself refuses a value.
+            # A device in automatic exposure refuses a value.
             video.set(cv2.CAP_PROP_AUTO_EXPOSURE, _EXPOSURE_MANUAL)
         video.set(identifier, value)
         applied.append(Applied(name, f"{value:g}", f"{video.get(identifier):g}"))
@@ -73,10 +73,10 @@ def apply_controls(cv2: Any, video: Any, settings: CameraSettings) -> list[Appli
 
 
 def exposure_units(exposure: int | None) -> int | None:
-    """The exposure in the device's unit.
+    """Return the exposure in the device's unit.
 
-    V4L2 counts 100 µs. A negative value is the binary logarithm of seconds, as other systems have it: -6 is
-    1/64 s.
+    V4L2 counts 100 µs. A negative value is the binary logarithm of seconds, as on other systems: -6 is 1/64
+    s.
     """
     if exposure is None or exposure >= 0 or sys.platform != "linux":
         return exposure
@@ -84,14 +84,14 @@ def exposure_units(exposure: int | None) -> int | None:
 
 
 def exposure_text(units: float) -> str:
-    """An exposure as the device counts it, in words."""
+    """Return an exposure in the device's unit as text."""
     if sys.platform != "linux" or units <= 0:
         return f"{units:g}"
     return f"{units / _UNITS_PER_S * 1000:g} ms"
 
 
 def describe(applied: Applied, device: v4l2.VideoDevice | None) -> str:
-    """One sentence about a setting that the device does not keep, with what it allows where it says so."""
+    """Return a sentence about a setting that the device did not apply, with the allowed range if known."""
     text = f"{applied.name} {applied.asked}was requested, the camera uses {applied.found}"
     control_id = _CONTROL_IDS.get(applied.name)
     allowed = device.control(control_id) if device is not None and control_id is not None else None

@@ -13,12 +13,12 @@ from joshua_camera.device_errors import explain_device, others
 from joshua_camera.interrupt import descriptors_of
 
 _NS_PER_MS = 1_000_000
-_OLDEST_NS = 5_000_000_000  # a stamp further back is of another clock
+_OLDEST_NS = 5_000_000_000  # an older stamp is from another clock
 _JPEG_CODES = ("MJPG", "JPEG")
 
 
 class DeviceCapture(Capture):
-    """A camera of this machine. On Linux its pictures carry the driver's acquisition time."""
+    """A camera of this machine. On Linux, pictures carry the driver's acquisition time."""
 
     def open(self) -> None:
         """Open the device and apply the settings. Raises DeviceError."""
@@ -41,18 +41,18 @@ class DeviceCapture(Capture):
         """End the stream, which wakes a wait for the next picture."""
         self._interrupted.set()
         for descriptor in descriptors_of(self.source.target):
-            # The device may be gone, or closed by the capture thread meanwhile.
+            # The device may be gone, or closed by the capture thread in the meantime.
             with contextlib.suppress(OSError):
                 v4l2.stop_stream(descriptor)
 
     def exposure(self) -> str:
-        """The exposure in force."""
+        """Return the present exposure as text."""
         units = self._video.get(self._cv2.CAP_PROP_EXPOSURE)
-        # OpenCV says 0 or -1 for a device without this control; other systems count in negative logarithms.
+        # OpenCV reports 0 or -1 for a device without this control; other systems use negative logarithms.
         return "" if sys.platform == "linux" and units <= 0 else exposure_text(units)
 
     def pixel_format(self) -> str:
-        """Four-character code of the device's pictures."""
+        """Return the four-character code of the device's pictures."""
         return v4l2.fourcc_text(int(self._video.get(self._cv2.CAP_PROP_FOURCC)))
 
     def _acquired_ns(self, ended_ns: int) -> int:
@@ -64,7 +64,7 @@ class DeviceCapture(Capture):
         size = applied[1]
         if not size.kept:
             raise self._refuse(
-                f"does not offer {size.asked}, it gives {size.found}",
+                f"does not offer {size.asked}, it delivers {size.found}",
                 f"set width and height to a size that it offers: {self._sizes()}",
             )
         if applied[0].found in _JPEG_CODES:
@@ -82,7 +82,7 @@ class DeviceCapture(Capture):
             self.refused += [describe(entry, device) for entry in refused]
 
     def _sizes(self) -> str:
-        """The sizes of the pixel format that is asked for, else those of all formats."""
+        """Return the sizes of the requested pixel format, or else of all formats."""
         try:
             with v4l2.open_device(self.source.target) as device:
                 formats = device.formats()

@@ -1,4 +1,4 @@
-"""Why a video device cannot be used, and what to do."""
+"""Messages for video devices that cannot be used."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from joshua_camera.devices import holders, list_devices
 
 
 def explain_device(path: str, error: OSError) -> DeviceError:
-    """The error of a system call on a device, in words for users."""
+    """Return the error for a failed system call on a device, with its remedy."""
     code = error.errno or 0
     if code in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return refuse(path, "does not exist", f"plug the camera in, or choose another; {others(path)}")
@@ -35,12 +35,12 @@ def explain_device(path: str, error: OSError) -> DeviceError:
 
 
 def refuse(subject: str, problem: str, remedy: str) -> DeviceError:
-    """An error that names the camera, the problem and the remedy."""
+    """Return an error that names the camera, the problem and the remedy."""
     return DeviceError(f"{subject} {problem}: {remedy}")
 
 
 def others(path: str) -> str:
-    """The devices beside this one, as advice."""
+    """Return a hint that lists the other devices."""
     found = [
         f"{entry.path} ({entry.name})" if entry.name else entry.path
         for entry in list_devices()

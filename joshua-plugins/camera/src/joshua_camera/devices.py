@@ -1,4 +1,4 @@
-"""The video devices of this machine: paths, names, stable links, and who uses them."""
+"""The video devices of this machine: paths, names, stable links, and the processes that use them."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _NUMBERED = re.compile(r"video(\d+)")
 
 @dataclass(frozen=True)
 class DeviceEntry:
-    """One video device as the system lists it, not opened.
+    """One video device as listed by the system; the device is not opened.
 
     Attributes:
         index: N of /dev/videoN.
         path: such as ``/dev/video0``.
-        name: of the camera, as the system knows it; "" if it does not say.
-        by_id: names under /dev/v4l/by-id that lead to it.
+        name: of the camera, as reported by the system; "" if unknown.
+        by_id: names under /dev/v4l/by-id that link to it.
     """
 
     index: int
@@ -31,7 +31,7 @@ class DeviceEntry:
 
 
 def list_devices(root: Path = Path("/")) -> list[DeviceEntry]:
-    """List the video devices by rising index.
+    """List the video devices in ascending order of index.
 
     Args:
         root: folder that holds ``dev`` and ``sys``.
@@ -54,7 +54,7 @@ def list_devices(root: Path = Path("/")) -> list[DeviceEntry]:
 
 
 def _stable_names(root: Path) -> dict[str, list[str]]:
-    """Name under by-id by the name of the device that they lead to."""
+    """Return the names under by-id, by the name of the device that they link to."""
     found: dict[str, list[str]] = {}
     folder = root / BY_ID_FOLDER.lstrip("/")
     try:
@@ -71,9 +71,9 @@ def _stable_names(root: Path) -> dict[str, list[str]]:
 
 
 def holders(path: str, proc: Path = Path("/proc")) -> list[str]:
-    """Processes that have a device open, such as ``firefox (process 4711)``; this process is left out.
+    """Return the other processes that have a device open, such as ``firefox (process 4711)``.
 
-    Other users' processes can be seen by the administrator only, so that an empty list proves nothing.
+    Only the administrator sees other users' processes, so an empty list proves nothing.
     """
     real = os.path.realpath(path)
     return [
@@ -95,7 +95,7 @@ def _has_open(process: Path, path: str) -> bool:
         for descriptor in os.listdir(process / "fd"):  # noqa: PTH208 - names only
             if os.readlink(process / "fd" / descriptor) == path:  # noqa: PTH115 - a descriptor's link
                 return True
-    except OSError:  # another user's process, or one that has ended meanwhile
+    except OSError:  # another user's process, or one that has ended
         return False
     return False
 

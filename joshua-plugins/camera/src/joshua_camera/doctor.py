@@ -1,4 +1,4 @@
-"""Checks of ``joshua doctor`` for cameras: permissions, and the bandwidth that they share."""
+"""Checks of ``joshua doctor`` for cameras: permissions and shared USB bandwidth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def check_permissions(host: Host) -> Iterator[DoctorResult]:
 
 
 def check_bandwidth(host: Host) -> Iterator[DoctorResult]:
-    """Count cameras on each USB 2 bus."""
+    """Count the cameras on each USB 2 bus."""
     cameras = defaultdict(set)
     for node in (host.root / "sys/class/video4linux").glob("*"):
         place = _usb_place(node)
@@ -39,7 +39,7 @@ def check_bandwidth(host: Host) -> Iterator[DoctorResult]:
 
 
 def _usb_place(node: Path) -> str:
-    """Socket of the USB device behind a node of sysfs; "" if there is none."""
+    """Return the USB path of the device behind a sysfs node; "" if there is none."""
     device = (node / "device").resolve()
     for folder in (device, *device.parents):
         if (folder / "idVendor").is_file():

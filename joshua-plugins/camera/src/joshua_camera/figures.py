@@ -1,4 +1,4 @@
-"""Figures of a running camera: received and lost pictures with the reason, rates and delays."""
+"""Statistics of a running camera: received and lost pictures by cause, rates and latencies."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ _NS_PER_S = 1_000_000_000
 
 @dataclass(frozen=True)
 class Figures:
-    """Figures since the camera was opened.
+    """Statistics since the camera was opened.
 
     Attributes:
-        fps: pictures per second over the last ten seconds or so; 0 for fewer than two.
-        received: pictures from the camera; delivered: those that were published.
-        dropped: those that a newer one replaced before they were read.
-        stale: those that had waited in a buffer; damaged: those that could not be decoded.
-        latency_p50_s, latency_p99_s: from acquisition to hand-over, decoding included; 0 if none was.
-        exposure: in force, in words; "" if the camera does not say.
-        pixel_format: of what comes from the camera; "" if it is not known.
-        span_ns: first and last of the pictures in ``fps``, on the monotonic clock.
+        fps: pictures per second over about the last ten seconds; 0 for fewer than two pictures.
+        received: pictures from the camera; delivered: pictures that were published.
+        dropped: pictures that a newer one replaced before they were read.
+        stale: pictures that had waited in a buffer; damaged: pictures that could not be decoded.
+        latency_p50_s, latency_p99_s: from acquisition to delivery, decoding included; 0 if none was
+            delivered.
+        exposure: present value as text; "" if the camera does not report it.
+        pixel_format: of the pictures from the camera; "" if unknown.
+        span_ns: times of the first and last picture in ``fps``, monotonic clock.
     """
 
     fps: float
@@ -38,7 +39,7 @@ class Figures:
     span_ns: tuple[int, int] = (0, 0)
 
     def line(self) -> str:
-        """One line for people."""
+        """Return the statistics as one line of text."""
         parts = [
             f"{self.fps:.1f} Hz",
             f"{self.received} pictures",
@@ -54,7 +55,7 @@ class Figures:
 
 
 class FigureKeeper:
-    """Collects the figures; the capture thread and the reader each call their own methods."""
+    """Collects the statistics; the capture thread and the reader each call their own methods."""
 
     def __init__(self) -> None:
         self.received = self.delivered = self.dropped = self.stale = self.damaged = 0
@@ -63,17 +64,17 @@ class FigureKeeper:
         self._latencies_ns: deque[int] = deque(maxlen=_WINDOW)
 
     def arrived(self, now_ns: int) -> None:
-        """Count one received picture, whatever happens to it."""
+        """Count one received picture."""
         self.received += 1
         self._arrivals_ns.append(now_ns)
 
     def handed_over(self, latency_ns: int) -> None:
-        """Count one picture that was handed on."""
+        """Count one delivered picture."""
         self.delivered += 1
         self._latencies_ns.append(latency_ns)
 
     def figures(self) -> Figures:
-        """The figures now."""
+        """Return the present statistics."""
         arrivals, latencies = list(self._arrivals_ns), sorted(self._latencies_ns)
         span_ns = arrivals[-1] - arrivals[0] if arrivals else 0
         return Figures(

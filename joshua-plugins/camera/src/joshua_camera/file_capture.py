@@ -1,4 +1,4 @@
-"""A video file or numbered pictures instead of a camera, at the rate of the settings."""
+"""A video file or numbered pictures in place of a camera, at the configured rate."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class FileCapture(Capture):
-    """Plays a file again and again, one picture each 1 / fps, as a camera would deliver them."""
+    """Plays a file in a loop at a fixed rate, like a camera."""
 
     def __init__(self, source: CameraSource, settings: CameraSettings) -> None:
         super().__init__(source, settings)
@@ -28,24 +28,24 @@ class FileCapture(Capture):
         self._load()
         self._video = self._start()
         rate = self._video.get(self._cv2.CAP_PROP_FPS)
-        # Pictures have no rate of their own; OpenCV then says 0 or 1.
+        # Pictures have no rate of their own; OpenCV then reports 0 or 1.
         if self.source.kind is SourceKind.FILE and rate > 1 and round(rate) != self.settings.fps:
             self.notes.append(
-                f"{self.source.label} was taken at {rate:g} Hz and is played at {self.settings.fps} Hz"
+                f"{self.source.label} was recorded at {rate:g} Hz and is played at {self.settings.fps} Hz"
             )
         self._start_ns = time.monotonic_ns()
 
     def interrupt(self) -> None:
-        """End the wait for the time of the next picture."""
+        """Abort the wait for the next picture."""
         self._interrupted.set()
 
     def grab(self) -> Grab | None:
-        """Wait for the time of the next picture."""
+        """Wait until the next picture is due."""
         began_ns = time.monotonic_ns()
         due_ns = self._start_ns + round(self._next * self._period_ns)
         if self._interrupted.wait(max(0, due_ns - began_ns) / _NS_PER_S):
             return None
-        late = int((time.monotonic_ns() - due_ns) / self._period_ns)  # whole periods: stalled
+        late = int((time.monotonic_ns() - due_ns) / self._period_ns)  # whole periods were missed: a stall
         self._next += 1 + max(0, late)
         if not self._video.grab() and not self._rewind():
             return None

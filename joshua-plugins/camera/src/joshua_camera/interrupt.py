@@ -1,7 +1,6 @@
-"""Ends a wait inside a library that offers no way to end it, by the descriptors that it waits for.
+"""Abort a wait inside a library without a cancel function, through the descriptors that it waits for.
 
-Works on Linux, where the descriptors of a process can be listed; elsewhere the library's own time-out ends
-the wait.
+Works on Linux, where a process can list its descriptors; elsewhere the library's own timeout ends the wait.
 """
 
 from __future__ import annotations
@@ -15,12 +14,12 @@ _FAMILIES = (socket.AF_INET, socket.AF_INET6)
 
 
 def own_sockets() -> set[tuple[int, int]]:
-    """Sockets of this process: descriptor and inode of each."""
+    """Yield descriptor and inode of each socket of this process."""
     found = set()
     for descriptor in _descriptors():
         try:
             status = os.fstat(descriptor)
-        except OSError:  # closed meanwhile
+        except OSError:  # closed in the meantime
             continue
         if stat.S_ISSOCK(status.st_mode):
             found.add((descriptor, status.st_ino))
@@ -28,26 +27,26 @@ def own_sockets() -> set[tuple[int, int]]:
 
 
 def shut_down(sockets: set[tuple[int, int]], port: int) -> None:
-    """Shut down those sockets that are connected to a port; whoever waits for them is woken."""
+    """Shut down the sockets that are connected to a port, which wakes their readers."""
     for descriptor, inode in sockets:
         try:
             with socket.socket(fileno=os.dup(descriptor)) as peer:
                 same = os.fstat(peer.fileno()).st_ino == inode and peer.family in _FAMILIES
                 if same and peer.getpeername()[1] == port:
                     peer.shutdown(socket.SHUT_RDWR)
-        except OSError:  # closed meanwhile, or not connected
+        except OSError:  # closed in the meantime, or not connected
             continue
 
 
 def descriptors_of(path: str) -> list[int]:
-    """Descriptors of this process that are open on a device."""
+    """Return the descriptors of this process that are open on a device."""
     real = os.path.realpath(path)
     found = []
     for descriptor in _descriptors():
         try:
             if os.readlink(f"{_DESCRIPTORS}/{descriptor}") == real:  # noqa: PTH115 - a descriptor's link
                 found.append(descriptor)
-        except OSError:  # closed meanwhile
+        except OSError:  # closed in the meantime
             continue
     return found
 

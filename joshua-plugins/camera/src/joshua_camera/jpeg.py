@@ -1,4 +1,4 @@
-"""A look at a JPEG picture without decoding it: whole or damaged, and how large (ITU-T T.81, annex B)."""
+"""Check of a JPEG picture without decoding it: completeness and size (ITU-T T.81, annex B)."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ _START_OF_SCAN = 0xDA
 _FRAME_HEADERS = frozenset({0xC0, 0xC1, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF})
 _PROGRESSIVE = frozenset({0xC2, 0xC6, 0xCA, 0xCE})
 _END_OF_IMAGE = 0xD9
-# In the scan 0xFF is followed by 0 or by a restart marker; anything else ends the scan.
+# In the scan, 0xFF is followed by 0 or a restart marker; anything else ends the scan.
 _AFTER_SCAN = re.compile(rb"\xff[^\x00\xff\xd0-\xd7]")
 
 
 @dataclass(frozen=True)
 class JpegFacts:
-    """Facts from a JPEG picture: its size in pixels, and its length in bytes."""
+    """Size of a JPEG picture in pixels, and its length in bytes."""
 
     width: int
     height: int
@@ -25,9 +25,9 @@ class JpegFacts:
 
 
 def inspect_jpeg(data: bytes | memoryview) -> JpegFacts | None:
-    """Look at a picture; None if it is damaged: cut off, without a size, or with stray markers.
+    """Return size and length of a picture; None if it is truncated, has no size or has stray markers.
 
-    What follows the end of the picture is padding of the device and is not part of its length.
+    Bytes after the end of the picture are padding by the device and do not count.
     """
     view = bytes(data)
     if not view.startswith(_START):
@@ -57,7 +57,7 @@ def inspect_jpeg(data: bytes | memoryview) -> JpegFacts | None:
 
 
 def _end_of_picture(view: bytes, at: int, progressive: bool) -> int:
-    """Where the picture ends; 0 if it does not. A progressive picture has several scans."""
+    """Return where the picture ends, 0 if it is truncated. A progressive picture has several scans."""
     while (match := _AFTER_SCAN.search(view, at)) is not None:
         if view[match.end() - 1] == _END_OF_IMAGE:
             return match.end()

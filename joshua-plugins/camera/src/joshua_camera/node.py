@@ -1,4 +1,4 @@
-"""The node of a camera: a sensor's node with figures, a last picture and a window."""
+"""The node of a camera: a sensor node with statistics, a last picture and a window."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LEAST_SPREAD = 1.5
 class CameraNode(SensorNode):
     """Publishes a camera's pictures.
 
-    In MODE_TEST it logs live figures each second, and leaves the last picture beside the log; with
+    In MODE_TEST it logs statistics each second and saves the last picture beside the log; with
     ``display`` it shows the pictures in a window.
     """
 
@@ -47,7 +47,7 @@ class CameraNode(SensorNode):
         return self._sensor
 
     def configure(self) -> None:
-        """Open the camera, declare topics, and report settings that the camera does not keep."""
+        """Open the camera, declare topics, and report settings that the camera did not apply."""
         super().configure()
         for text in self.camera.warnings:
             self.context.warn(text)
@@ -56,20 +56,20 @@ class CameraNode(SensorNode):
         self.context.create_timer(FIGURES_PERIOD_S, self._log_figures, name="figures")
 
     def deactivate(self) -> None:
-        """End a connection attempt that is under way."""
+        """Abort a running connection attempt."""
         if isinstance(self._sensor, OpenCvCamera):
             self._sensor.cancel()
         if self._preview is not None:
             self._preview.close()
 
     def observe(self, reading: Reading) -> None:
-        """Keep the newest picture for the window and for the end of a test."""
+        """Keep the newest picture for the window and the end of a test."""
         self._last_picture = reading.data
         if self._preview is not None:
             self._preview.show(reading.data.as_rgb)
 
     def test_results(self) -> list[tuple[str, bool, str]]:
-        """The rows of a sensor, then rate, settings, losses, latency and the last picture."""
+        """Return the rows of a sensor, then rate, settings, losses, latency and the last picture."""
         rows = super().test_results()
         if not self._testing or not isinstance(self._sensor, OpenCvCamera):
             return rows
@@ -129,7 +129,7 @@ def _rate(figures: Figures, wanted_hz: float) -> tuple[str, bool, str]:
     ran_ns = last_ns - first_ns - 1e9 * witness().missed_s(first_ns / 1e9, last_ns / 1e9)
     most_hz = figures.fps * (last_ns - first_ns) / ran_ns if ran_ns > 0 else figures.fps
     slow, fast = wanted_hz * (1 - RATE_TOLERANCE), wanted_hz * (1 + RATE_TOLERANCE)
-    passed = most_hz >= slow and figures.fps <= fast  # a system stall is no fault of the camera
+    passed = most_hz >= slow and figures.fps <= fast  # a system stall is not the camera's fault
     hint = "" if passed else ": many cameras are slower in poor light and on shared USB hubs"
     return ("frame rate", passed, f"{figures.fps:.4g} Hz of {wanted_hz:g} Hz{hint}")
 

@@ -1,4 +1,4 @@
-"""OpenCV, loaded once and made quiet: what it would print is said by our own messages."""
+"""OpenCV, loaded once with its own log output off, because JOSHUA reports the errors."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import os
 from functools import lru_cache
 from typing import Any
 
-# Read by OpenCV when it is loaded. FFmpeg's log level -8 is "quiet"; the wait for a device that delivers
-# nothing, in seconds, bounds how long a capture thread can be stuck.
+# OpenCV reads these when it is loaded. FFmpeg's log level -8 is "quiet". The timeout in seconds for a device
+# that delivers nothing bounds how long a capture thread can be stuck.
 _ENVIRONMENT = {
     "OPENCV_FFMPEG_LOGLEVEL": "-8",
     "OPENCV_LOG_LEVEL": "SILENT",
@@ -17,11 +17,11 @@ _ENVIRONMENT = {
 
 @lru_cache(maxsize=1)
 def load_opencv() -> Any:
-    """Return the module ``cv2``; settings that the user has made in the environment stay."""
+    """Return the module ``cv2``; environment variables set by the user take precedence."""
     for name, value in _ENVIRONMENT.items():
         os.environ.setdefault(name, value)
     import cv2
 
-    # One picture is too small to share among threads, and a pool would outlive the camera.
+    # One picture is too small to split among threads, and a pool would outlive the camera.
     cv2.setNumThreads(1)
     return cv2

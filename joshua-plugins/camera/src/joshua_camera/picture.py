@@ -1,4 +1,4 @@
-"""A picture of the camera, and its other forms."""
+"""A picture of the camera as pixels or JPEG."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from joshua_camera.opencv import load_opencv
 
 Pixels = npt.NDArray[np.uint8]
 
-#: Quality of pictures that are compressed here; those of a camera that delivers JPEG go out as they came.
+#: Quality of pictures that are compressed here; JPEG files from a camera are published unchanged.
 JPEG_QUALITY = 90
 
 
@@ -38,7 +38,7 @@ class Picture:
         return hash((self.jpeg, None if self.rgb is None else self.rgb.shape))
 
     def as_rgb(self) -> Pixels | None:
-        """The pixels; None if the JPEG file cannot be decoded."""
+        """Return the pixels; None if the JPEG file cannot be decoded."""
         return self.rgb if self.rgb is not None or self.jpeg is None else decode_jpeg(self.jpeg)
 
     def as_jpeg(self) -> bytes:
@@ -52,8 +52,8 @@ class Picture:
 def decode_jpeg(data: bytes) -> Pixels | None:
     """Decode a JPEG file to shape (H, W, 3), uint8, RGB; None if that fails."""
     cv2 = load_opencv()
-    # OpenCV before 4.11 decodes to BGR only. The orientation that a phone notes is part of the picture
-    # that its page shows, but not of the size that the stream has.
+    # OpenCV before 4.11 decodes to BGR only. The EXIF orientation of a phone is ignored because it does not
+    # change the size of the stream.
     direct = getattr(cv2, "IMREAD_COLOR_RGB", None)
     flags = (cv2.IMREAD_COLOR if direct is None else direct) | cv2.IMREAD_IGNORE_ORIENTATION
     pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)

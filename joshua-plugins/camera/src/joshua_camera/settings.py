@@ -21,14 +21,14 @@ class CameraSettings(BlockSettings):
     """Settings of a camera.
 
     Attributes:
-        device_id: N of /dev/videoN; has no effect beside a source.
-        width, height: of the picture, in pixels; fps: frames per second that are asked for.
-        pixel_format: four-character code that a device is asked for.
-        brightness, contrast, saturation, exposure: in the driver's own scale; None leaves them as they are.
-        source: device, address or files in place of ``device_id``; "" for none.
+        device_id: N of /dev/videoN; has no effect if a source is set.
+        width, height: of the picture, in pixels; fps: requested frames per second.
+        pixel_format: requested four-character code.
+        brightness, contrast, saturation, exposure: in the driver's scale; None leaves them unchanged.
+        source: device, address or files instead of ``device_id``; "" for none.
         intrinsics_file: calibration for CameraInfo; "" for none.
         display: shows the pictures in a window.
-        publishes: ROS 2 types that the node publishes; empty where no node is known, which means all.
+        publishes: ROS 2 types that the node publishes; empty (no node) means all.
     """
 
     device_id: int
@@ -49,7 +49,7 @@ class CameraSettings(BlockSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Add what the node publishes."""
+        """Add the types that the node publishes."""
         numbers = [publisher.data_type for publisher in getattr(node, "publishers", ())]
         known = tuple(TYPE_NAMES[number] for number in numbers if number in TYPE_NAMES)
         return super().si_values(values, node, context) | {"publishes": known}
@@ -81,5 +81,5 @@ def _names_a_host(address: str) -> bool:
     try:
         parts = urlsplit(address)
         return bool(parts.hostname) and parts.port != 0
-    except ValueError:  # a port that is no number, or out of range
+    except ValueError:  # a port that is not a number, or out of range
         return False

@@ -1,4 +1,4 @@
-"""The source of a camera's pictures, with its name in messages."""
+"""The source of a camera's pictures and its name in messages."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from joshua_camera.source_text import SourceKind, device_path, scheme, source_ki
 
 @dataclass(frozen=True)
 class CameraSource:
-    """Where the pictures come from.
+    """The source of the pictures.
 
     Attributes:
-        kind: what is opened.
+        kind: of the source.
         target: path of a device or of files, or an address.
-        index: N of /dev/videoN where the source is named by ``device_id``; None otherwise.
+        index: N of /dev/videoN if ``device_id`` names the source, else None.
     """
 
     kind: SourceKind
@@ -26,7 +26,7 @@ class CameraSource:
 
     @classmethod
     def of(cls, settings: CameraSettings) -> CameraSource:
-        """The source that the settings name."""
+        """Return the source that the settings name."""
         if not settings.source:
             return cls(SourceKind.DEVICE, f"/dev/video{settings.device_id}", settings.device_id)
         kind = source_kind(settings.source)
@@ -53,5 +53,5 @@ class CameraSource:
 
     @property
     def over_tcp(self) -> bool:
-        """Whether an address is reached by one TCP connection at first."""
+        """Whether the address is reached over TCP, so that a connection can be tested first."""
         return scheme(self.target) in ("http", "https", "rtsp", "rtsps", "rtmp", "tcp")

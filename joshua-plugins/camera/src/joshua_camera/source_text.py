@@ -1,4 +1,4 @@
-"""The kind of a camera's source, by its text: a device, a stream or files. Nothing is opened."""
+"""The kind of a camera's source, from its text: a device, a stream or files. Nothing is opened."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from enum import Enum
 
 BY_ID_FOLDER = "/dev/v4l/by-id"
 
-# Patterns stay texts, so that reading a file without a source compiles none.
+# Patterns are kept as text, so reading a file without a source compiles none.
 _BY_ID_NAME = r"[^/]+-video-index\d+"
 _NUMBERED_DEVICE = r"/dev/video(\d+)"
 _SCHEME = r"([A-Za-z][A-Za-z0-9+.-]*)://"
@@ -25,7 +25,7 @@ class SourceKind(Enum):
 
 
 def source_kind(source: str) -> SourceKind:
-    """Return the kind of a source, by its spelling alone."""
+    """Return the kind of a source from its text alone."""
     if re.match(_SCHEME, source):
         return SourceKind.ADDRESS
     if re.fullmatch(_BY_ID_NAME, source) or posixpath.normpath(source).startswith("/dev/"):
@@ -34,18 +34,18 @@ def source_kind(source: str) -> SourceKind:
 
 
 def scheme(source: str) -> str:
-    """The scheme of an address in lower case, such as ``http``; "" for anything else."""
+    """Return the scheme of an address in lower case, such as ``http``; "" for anything else."""
     match = re.match(_SCHEME, source)
     return match[1].lower() if match else ""
 
 
 def device_path(source: str) -> str:
-    """The path of a source of kind DEVICE; a bare name stands for its link under /dev/v4l/by-id."""
+    """Return the path of a device source; a bare name means its link under /dev/v4l/by-id."""
     return f"{BY_ID_FOLDER}/{source}" if re.fullmatch(_BY_ID_NAME, source) else posixpath.normpath(source)
 
 
 def device_identity(source: str) -> str:
-    """One spelling for every way to name a device: the index of /dev/videoN, else its path; "" for others."""
+    """Return a canonical name of a device: the index of /dev/videoN, else its path; "" for other sources."""
     if source_kind(source) is not SourceKind.DEVICE:
         return ""
     path = device_path(source)

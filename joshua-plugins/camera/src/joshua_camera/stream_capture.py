@@ -15,14 +15,14 @@ from joshua_camera.source_text import scheme
 
 OPEN_TIMEOUT_S = 5.0
 
-#: How much longer than a camera may be silent FFmpeg waits for it; whoever reads the camera ends that wait.
+#: How much longer FFmpeg's timeout is than that of the reader, so that the reader times out first.
 _GRACE_S = 3.0
 
 _PORTS = {"http": 80, "https": 443, "rtsp": 554, "rtsps": 322, "rtmp": 1935}
 
 
 class StreamCapture(Capture):
-    """A camera at an address. Its pictures are stamped when their last byte has arrived."""
+    """A camera at an address. Pictures are stamped when their last byte has arrived."""
 
     def __init__(self, source: CameraSource, settings: CameraSettings) -> None:
         super().__init__(source, settings)
@@ -42,7 +42,7 @@ class StreamCapture(Capture):
         options = [
             cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, round(OPEN_TIMEOUT_S * 1000),
             cv2.CAP_PROP_READ_TIMEOUT_MSEC, round(read_timeout_s * 1000),
-            cv2.CAP_PROP_N_THREADS, 1,  # several decode ahead, which delays pictures
+            cv2.CAP_PROP_N_THREADS, 1,  # several threads decode ahead, which delays pictures
         ]  # fmt: skip
         began_s = time.monotonic()
         if not video.open(self.source.target, cv2.CAP_FFMPEG, options):
@@ -51,11 +51,11 @@ class StreamCapture(Capture):
             raise explain(self.source, time.monotonic() - began_s, OPEN_TIMEOUT_S)
         code = int(video.get(cv2.CAP_PROP_FOURCC))
         if code == cv2.VideoWriter.fourcc(*"MJPG"):
-            self.delivers_jpeg = bool(video.set(cv2.CAP_PROP_FORMAT, -1))  # the JPEG files as they come
+            self.delivers_jpeg = bool(video.set(cv2.CAP_PROP_FORMAT, -1))  # the JPEG files unchanged
         self._note_settings_without_effect()
 
     def interrupt(self) -> None:
-        """Cut the connections of this camera."""
+        """Shut down the connections of this camera."""
         self._interrupted.set()
         if self.source.over_tcp and self._video is not None:
             shut_down(own_sockets() - self._before, self._endpoint()[1])

@@ -16,7 +16,7 @@ from joshua_camera.devices import list_devices
 from joshua_camera.opencv import load_opencv
 from joshua_camera.settings import CameraSettings
 
-#: Pictures that a camera takes to find its exposure.
+#: Pictures until the automatic exposure settles.
 SETTLING_PICTURES = 10
 PICTURE_TIMEOUT_S = 2.0
 
@@ -31,10 +31,10 @@ class FoundCamera:
     """One camera.
 
     Attributes:
-        path: of its device; name: as the system knows it; "" if it does not say.
-        index: for ``device_id``; source: its stable name for ``source``, "" if it has none.
-        formats: what it offers, as far as it says.
-        picture: path of the picture that was taken; "" if none was.
+        path: of its device; name: as reported by the system; "" if unknown.
+        index: for ``device_id``; source: stable name for ``source``, "" if it has none.
+        formats: that it reports.
+        picture: path of the saved picture; "" if there is none.
         problem: why it cannot be used, with the remedy; "" if it can.
     """
 
@@ -51,8 +51,8 @@ def survey(folder: Path | None = None, root: Path = Path("/")) -> list[FoundCame
     """Survey every camera.
 
     Args:
-        folder: where a picture of each is written; None takes none.
-        root: folder that holds ``dev`` and ``sys``.
+        folder: where a picture of each is saved; None takes none.
+        root: folder that contains ``dev`` and ``sys``.
 
     Raises:
         OSError: a picture cannot be written.
@@ -69,7 +69,7 @@ def _on_linux(root: Path) -> Iterator[FoundCamera]:
             with v4l2.open_device(entry.path) as device:
                 capability = device.capability()
                 if not capability.captures:
-                    continue  # the metadata node of a camera that has another one
+                    continue  # the metadata node of a camera that has a capture node
                 formats = tuple(device.formats())
         except OSError as error:
             yield replace(camera, problem=str(explain_device(entry.path, error)))
@@ -78,7 +78,7 @@ def _on_linux(root: Path) -> Iterator[FoundCamera]:
 
 
 def _by_index() -> Iterator[FoundCamera]:
-    """Cameras that open; other systems offer no list."""
+    """Yield the cameras that open; systems other than Linux offer no list."""
     cv2 = load_opencv()
     for index in range(MAC_DEVICES):
         video = cv2.VideoCapture(index)
@@ -119,7 +119,7 @@ def _with_picture(camera: FoundCamera, folder: Path) -> FoundCamera:
 
 
 def _mode(camera: FoundCamera) -> tuple[int, int, int, str]:
-    """Width, height, rate and format for a picture: what nearly every camera has, else its first ones."""
+    """Return width, height, rate and format for a picture: common values, else the camera's first ones."""
     formats = sorted(camera.formats, key=lambda entry: entry.code != "MJPG")
     for entry in formats:
         for size in sorted(entry.sizes, key=lambda size: (size.width, size.height) != USUAL_SIZE):

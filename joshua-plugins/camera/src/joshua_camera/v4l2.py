@@ -19,7 +19,7 @@ _DISCRETE = 1
 _CAP_VIDEO_CAPTURE = 0x00000001
 _CAP_STREAMING = 0x04000000
 _CAP_DEVICE_CAPS = 0x80000000
-_MOST_ENTRIES = 256  # a broken driver may answer every index
+_MOST_ENTRIES = 256  # a broken driver may accept every index
 
 
 def _code(direction: int, number: int, size: int) -> int:
@@ -46,8 +46,8 @@ class Capability:
     """Identity of a device.
 
     Attributes:
-        driver: such as ``uvcvideo``; card: its name; bus_info: where it is plugged in.
-        captures: whether it delivers pictures; UVC cameras have a second node for metadata, which does not.
+        driver: such as ``uvcvideo``; card: device name; bus_info: USB path.
+        captures: whether it delivers pictures; the second node of UVC cameras delivers only metadata.
     """
 
     driver: str
@@ -58,7 +58,7 @@ class Capability:
 
 @dataclass(frozen=True)
 class FrameSize:
-    """A picture size that a device offers in one format, with its rates in Hz, the highest first."""
+    """A picture size of one format, with its rates in Hz, highest first."""
 
     width: int
     height: int
@@ -67,7 +67,7 @@ class FrameSize:
 
 @dataclass(frozen=True)
 class PixelFormat:
-    """A format that a device offers: its four-character code, its name and its sizes."""
+    """A format of a device: four-character code, name and sizes."""
 
     code: str
     name: str
@@ -76,7 +76,7 @@ class PixelFormat:
 
 @dataclass(frozen=True)
 class ControlRange:
-    """Allowed values of a device's control."""
+    """Allowed range of a control."""
 
     minimum: int
     maximum: int
@@ -99,7 +99,7 @@ class VideoDevice:
         return Capability(_text(driver), _text(card), _text(bus), captures)
 
     def formats(self) -> list[PixelFormat]:
-        """The formats, sizes and rates that the device offers."""
+        """Return the formats, sizes and rates that the device offers."""
         found = []
         for data in self._entries(ENUM_FMT, 64, lambda index: struct.pack("=II", index, _CAPTURE)):
             name, pixel_format = struct.unpack_from("=12x32sI", data)
@@ -108,7 +108,7 @@ class VideoDevice:
         return found
 
     def control(self, control_id: int) -> ControlRange | None:
-        """Return the allowed values of a control; None if the device does not have it."""
+        """Return the allowed range of a control; None if the device does not have it."""
         try:
             data = self._call(QUERYCTRL, bytearray(struct.pack("=I64x", control_id)))
         except OSError:
@@ -117,7 +117,7 @@ class VideoDevice:
 
     def check_free(self) -> None:
         """Raise OSError with EBUSY when another process streams from the device."""
-        # Asking for no buffer changes nothing, and needs the same right as asking for some.
+        # Requesting zero buffers changes nothing, but requires the same access as requesting some.
         self._call(REQBUFS, bytearray(struct.pack("=III8x", 0, _CAPTURE, _MMAP)))
 
     def _sizes(self, pixel_format: int) -> Iterator[FrameSize]:
@@ -148,7 +148,7 @@ class VideoDevice:
                 return
 
     def _entries(self, code: int, size: int, request: Callable[[int], bytes]) -> Iterator[bytes]:
-        """Ask for entry 0, 1, … until the device has no more."""
+        """Query entry 0, 1, … until the device has no more."""
         for index in range(_MOST_ENTRIES):
             try:
                 yield self._call(code, bytearray(request(index).ljust(size, b"\0")))
@@ -164,7 +164,7 @@ class VideoDevice:
 
 @contextmanager
 def open_device(path: str) -> Iterator[VideoDevice]:
-    """Open a video device to ask it, beside a process that may stream from it. Raises OSError."""
+    """Open a video device for queries, even while another process streams from it. Raises OSError."""
     descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         yield VideoDevice(descriptor)
@@ -173,12 +173,12 @@ def open_device(path: str) -> Iterator[VideoDevice]:
 
 
 def stop_stream(descriptor: int) -> None:
-    """End the stream of an open video device, which wakes whoever waits for a picture. Raises OSError."""
+    """Stop the stream of an open video device, which wakes a waiting reader. Raises OSError."""
     fcntl.ioctl(descriptor, STREAMOFF, struct.pack("=i", _CAPTURE))
 
 
 def fourcc_text(code: int) -> str:
-    """Four-character code as text, such as ``MJPG``; "" for 0."""
+    """Return a four-character code as text, such as ``MJPG``; "" for 0."""
     letters = (code & 0x7FFFFFFF).to_bytes(4, "little")
     return letters.decode("ascii", "replace").rstrip("\0 ")
 

@@ -1,4 +1,4 @@
-"""``joshua find-cameras``: the cameras of this machine with their formats and stable names."""
+"""``joshua find-cameras``: list the cameras of this machine with their formats and stable names."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the list. Exit code 0; 4 if there is no camera, or where none of them gave a picture."""
+    """Print the list. Exit code 0; 4 if there is no camera or none delivered a picture."""
     from joshua.tools import ExitCode
 
     from joshua_camera.survey import survey
@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def paragraph(camera: FoundCamera) -> str:
-    """One camera for people: what to write into the file, then what it offers."""
+    """Return one camera as text: what to write into the file, then its formats."""
     lines = [f"{camera.path}: {camera.name or 'camera without a name'}"]
     if camera.source:
         lines.append(f'  source: "{camera.source}"')
@@ -80,7 +80,7 @@ def paragraph(camera: FoundCamera) -> str:
 
 
 def as_json(camera: FoundCamera) -> dict[str, Any]:
-    """One camera for programs."""
+    """Return one camera as JSON."""
     return {
         "path": camera.path,
         "device_id": camera.index,
