@@ -43,20 +43,20 @@ class ArmFile:
         return _arm(self.path, node_name, self.path)
 
     def require_writable(self) -> None:
-        """Says that writing would fail, before a person has done all the work. Raises FileRefused."""
+        """Say that writing would fail, before a person has done all the work. Raises FileRefused."""
         folder = next(path for path in self.path.absolute().parents if path.exists())
         if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
             why = "may not be written by this user" if folder.is_dir() else "is no folder"
             raise FileRefused(f"{self.path}: the calibration goes there, and {folder} {why}: put that right")
 
     def sweep(self) -> None:
-        """Removes new content that a killed run has left beside the file. Raises FileRefused."""
+        """Remove new content that a killed run has left beside the file. Raises FileRefused."""
         target = self.path.resolve()
         if _leftovers(target):
             PreparedFile(target, _take(target)).discard()
 
     def prepare(self, node_name: str, calibration: ArmCalibration) -> PreparedFile:
-        """Writes the new content beside the file, where it waits for ``commit``; others wait meanwhile.
+        """Write the new content beside the file, where it waits for ``commit``; others wait meanwhile.
 
         Raises:
             FileRefused: the file cannot be read or written, or the new content would not be read back equal.
@@ -107,7 +107,7 @@ class PreparedFile:
         self._lock = lock
 
     def make_temporary(self) -> tuple[int, str]:
-        """Makes the file for the new content; removes what runs that were killed have left."""
+        """Make the file for the new content; remove what runs that were killed have left."""
         self._sweep()
         handle, name = tempfile.mkstemp(
             prefix=f".{self._target.name}.", suffix=".new", dir=self._target.parent
@@ -116,7 +116,7 @@ class PreparedFile:
         return handle, name
 
     def commit(self) -> None:
-        """Puts the new content in the file's place in one step. Raises FileRefused; then nothing changed."""
+        """Put the new content in the file's place in one step. Raises FileRefused; then nothing changed."""
         assert self._temporary is not None
         try:
             self._temporary.replace(self._target)
@@ -128,7 +128,7 @@ class PreparedFile:
             sync_folder(self._target.parent)
 
     def discard(self) -> None:
-        """Removes the new content, and what killed runs have left; no effect after ``commit``."""
+        """Remove the new content, and what killed runs have left; no effect after ``commit``."""
         if self._lock >= 0:
             self._sweep()
         self._let_go()
@@ -149,7 +149,7 @@ def _leftovers(target: Path) -> list[Path]:
 
 
 def _take(target: Path) -> int:
-    """Locks the folder of a file, so that two runs do not overwrite each other's entries."""
+    """Lock the folder of a file, so that two runs do not overwrite each other's entries."""
     lock = os.open(target.parent, os.O_RDONLY | os.O_CLOEXEC)
     deadline_s = time.monotonic() + LOCK_TIMEOUT_S
     while True:
@@ -167,7 +167,7 @@ def _take(target: Path) -> int:
 
 
 def sync_folder(folder: Path) -> None:
-    """Makes the names in a folder survive a power cut. Raises OSError."""
+    """Make the names in a folder survive a power cut. Raises OSError."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)

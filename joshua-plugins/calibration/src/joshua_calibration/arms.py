@@ -151,7 +151,7 @@ def _chosen(arms: list[Arm], left_out: list[str], only: Sequence[str]) -> list[A
 def taken(
     plan: Plan, arms: Sequence[Arm], stop: Callable[[], None], stack: ExitStack, doing: str = ""
 ) -> None:
-    """Takes the nodes of the arms, as a run does, so that status and stop know of it, until ``stack`` ends.
+    """Take the nodes of the arms, as a run does, so that status and stop know of it, until ``stack`` ends.
 
     Args:
         stop: called by ``joshua stop``, in another thread.
@@ -173,7 +173,7 @@ def taken(
 
 
 def open_those_there(arms: Sequence[Arm], stack: ExitStack) -> tuple[list[Arm], list[str]]:
-    """Opens the arms that are plugged in; returns them, and what is wrong with the others."""
+    """Open the arms that are plugged in; return them, and what is wrong with the others."""
     there, problems = [], []
     for arm in arms:
         stack.callback(arm.target.disconnect)
@@ -187,7 +187,7 @@ def open_those_there(arms: Sequence[Arm], stack: ExitStack) -> tuple[list[Arm], 
 
 
 def open_arms(arms: Sequence[Arm], stack: ExitStack, *, release: bool = True) -> None:
-    """Opens every arm and takes its torque off; says what is wrong with all of them. Raises Refused."""
+    """Open every arm and take its torque off; say what is wrong with all of them. Raises Refused."""
     there, problems = open_those_there(arms, stack)
     for arm in there if release else ():
         try:
@@ -199,7 +199,7 @@ def open_arms(arms: Sequence[Arm], stack: ExitStack, *, release: bool = True) ->
 
 
 def recover_arms(arms: Sequence[Arm]) -> list[Recovery]:
-    """Brings servos and file together where an earlier run was interrupted; says so. Raises Refused."""
+    """Bring servos and file together where an earlier run was interrupted; say so. Raises Refused."""
     found = []
     for arm in arms:
         try:

@@ -16,7 +16,7 @@ ACTIONS = ("import-lerobot", "export-lerobot")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of ``joshua calibrate``."""
+    """Add the options of ``joshua calibrate``."""
     from joshua.tools import add_config_options, add_fault_option
 
     add_config_options(parser)
@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _read_words(arguments: argparse.Namespace) -> str:
-    """Find action, nodes of an exchange and file among the words. Returns what is wrong with them."""
+    """Find action, nodes of an exchange and file among the words. Return what is wrong with them."""
     words = list(arguments.words)
     arguments.action = words.pop(0) if words and words[0] in ACTIONS else ""
     arguments.items = [word for word in words if arguments.action and not word.endswith(".pbtxt")]

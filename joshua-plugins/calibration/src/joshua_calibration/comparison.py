@@ -31,7 +31,7 @@ class Comparison:
 def compare(
     node_name: str, calibration: ArmCalibration | None, target: CalibrationTarget, *, interrupted: bool
 ) -> Comparison:
-    """Compares the calibration of a file with what an open device holds; writes nothing.
+    """Compare the calibration of a file with what an open device holds; write nothing.
 
     Raises:
         DeviceError: the device does not answer.

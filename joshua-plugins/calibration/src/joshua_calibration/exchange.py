@@ -45,7 +45,7 @@ def home() -> Path:
 
 
 def list_files() -> int:
-    """Lists the calibrations of LeRobot on this machine. Exit code 2: nothing was imported."""
+    """List the calibrations of LeRobot on this machine. Exit code 2: nothing was imported."""
     files = sorted(home().rglob("*.json"))
     for path in files:
         try:
@@ -63,14 +63,14 @@ def list_files() -> int:
 
 
 def import_files(arguments: argparse.Namespace) -> int:
-    """Takes LeRobot files into the robot's calibration file; the servos are not touched."""
+    """Take LeRobot files into the robot's calibration file; the servos are not touched."""
     if not arguments.items:
         return list_files()
     return _with_file(arguments, is_import=True)
 
 
 def export(arguments: argparse.Namespace) -> int:
-    """Writes LeRobot files, or one to standard output."""
+    """Write LeRobot files, or one to standard output."""
     return _with_file(arguments, is_import=False)
 
 

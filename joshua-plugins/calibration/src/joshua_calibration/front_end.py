@@ -59,19 +59,19 @@ class FrontEnd(ABC):
 
     @abstractmethod
     def show(self, board: Board) -> None:
-        """Shows the newest state."""
+        """Show the newest state."""
 
     @abstractmethod
     def requests(self) -> Sequence[Request]:
-        """Requests since the last call."""
+        """Return the requests since the last call."""
 
     @abstractmethod
     def say(self, text: str) -> None:
-        """Shows a permanent line."""
+        """Show a permanent line."""
 
     @abstractmethod
     def close(self) -> None:
-        """Releases all resources. Idempotent."""
+        """Release all resources. Idempotent."""
 
     @property
     @abstractmethod

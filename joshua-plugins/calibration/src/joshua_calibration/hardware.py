@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 def with_arms(arguments: argparse.Namespace) -> int:
-    """Opens the arms of the file and does what was asked for."""
+    """Open the arms of the file and does what was asked for."""
     if not arguments.check:
         arguments.overrides = [*arguments.overrides, f"general.mode={MODE}"]
     purpose = Purpose.SHOW if arguments.check else Purpose.LAUNCH
@@ -94,7 +94,7 @@ def _look(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | No
 
 
 def _recover(arms: Sequence[Arm], stack: ExitStack) -> int:
-    """Recovers the interrupted arms that are plugged in; the others may be absent. Raises Refused."""
+    """Recover the interrupted arms that are plugged in; the others may be absent. Raises Refused."""
     interrupted = [arm for arm in arms if arm.journal.stands]
     for arm in arms:
         arm.file.sweep()

@@ -66,7 +66,7 @@ class Journal:
             ) from error
 
     def write(self, record: Record) -> None:
-        """Leaves the note, so that it survives a power cut. Raises JournalRefused."""
+        """Leave the note, so that it survives a power cut. Raises JournalRefused."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             handle, name = tempfile.mkstemp(prefix=f".{self.path.name}.", dir=self.path.parent)
@@ -82,7 +82,7 @@ class Journal:
             ) from error
 
     def remove(self) -> None:
-        """Removes the note and what a killed run has left of one: servos and file agree. Idempotent."""
+        """Remove the note and what a killed run has left of one: servos and file agree. Idempotent."""
         for left in self.path.parent.glob(f".{self.path.name}.*"):
             left.unlink(missing_ok=True)
         self.path.unlink(missing_ok=True)

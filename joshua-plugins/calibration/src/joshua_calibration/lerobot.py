@@ -15,7 +15,7 @@ class CalibrationError(ValueError):
 
 
 def from_lerobot(text: str, *, source: str = "the file", servo_adds_offset: bool = False) -> ArmCalibration:
-    """Reads a LeRobot calibration: a JSON object from joint name to the facts of its motor.
+    """Read a LeRobot calibration: a JSON object from joint name to the facts of its motor.
 
     LeRobot keeps these files below ``~/.cache/huggingface/lerobot/calibration``, one for each arm. Its
     ``homing_offset`` is the one in the servo, as here; its ``drive_mode`` 1 is ``inverted``. Dynamixel servos
@@ -51,7 +51,7 @@ def from_lerobot(text: str, *, source: str = "the file", servo_adds_offset: bool
 
 
 def to_lerobot(calibration: ArmCalibration, *, servo_adds_offset: bool = False) -> str:
-    """Writes a calibration as LeRobot reads it, joints in order of their motors."""
+    """Write a calibration as LeRobot reads it, joints in order of their motors."""
     sign = -1 if servo_adds_offset else 1
     content = {
         motor.joint_name: {
@@ -105,7 +105,7 @@ def _validated(values: dict[str, Any], source: str) -> ArmCalibration:
 
 
 def _place(location: tuple[int | str, ...], values: Mapping[str, Any]) -> list[str]:
-    """Names a place by joint where it can: ``('motors', 0, 'id')`` becomes ``shoulder_pan.id``."""
+    """Name a place by joint where it can: ``('motors', 0, 'id')`` becomes ``shoulder_pan.id``."""
     if len(location) >= 2 and location[0] == "motors" and isinstance(location[1], int):
         motor = values["motors"][location[1]]
         name = motor.get("joint_name") if isinstance(motor, Mapping) else None

@@ -9,7 +9,7 @@ from joshua.tools import Diagnostic, calibratable_blocks, device_block
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Asks for an actuator with a zero to find, and for the robot's id."""
+    """Ask for an actuator with a zero to find, and for the robot's id."""
     entries = context.graph.actuators
     blocks = [device_block(entry.owner) for entry in entries]
     if all(rule.virtual and not rule.simulated for _, _, rule in blocks):

@@ -8,7 +8,7 @@ from joshua.api.specs import ModeOffer
 
 @hookimpl
 def joshua_specs() -> list[ModeOffer]:
-    """Names the mode."""
+    """Name the mode."""
     return [
         ModeOffer(
             enum_values=("MODE_CALIBRATION",),

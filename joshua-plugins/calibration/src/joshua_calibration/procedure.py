@@ -65,7 +65,7 @@ class Procedure:
         self.step = Step.HOMING
 
     def observe(self, time_s: float, raw: Sequence[int]) -> None:
-        """Takes the encoder positions of all joints at a time of any steady clock.
+        """Take the encoder positions of all joints at a time of any steady clock.
 
         Raises:
             ValueError: not one position for each motor, or one beyond its turn.
@@ -89,7 +89,7 @@ class Procedure:
             self._look_beyond()
 
     def lost(self, time_s: float, reason: str, *, gone: bool = False) -> None:
-        """Says that the arm does not answer; from a moment on nothing can be confirmed then.
+        """Say that the arm does not answer; from a moment on nothing can be confirmed then.
 
         Args:
             gone: it will not answer before it is opened again, so that the moment is now.
@@ -99,7 +99,7 @@ class Procedure:
             self._recent.clear()
 
     def confirm(self) -> None:
-        """Grants the present step: takes the middle pose, goes on to the next joint, or asks for writing."""
+        """Grant the present step: take the middle pose, go on to the next joint, or ask for writing."""
         self._say("")
         if self._lost:
             self._refuse(f"The arm does not answer: {self._lost}")
@@ -111,7 +111,7 @@ class Procedure:
             self.step = Step.WRITE
 
     def repeat(self, index: int) -> None:
-        """Forgets the range of one joint and asks for it again."""
+        """Forget the range of one joint and ask for it again."""
         if self.step not in (Step.SWEEP, Step.REVIEW) or not 0 <= index < len(self.motors):
             self._refuse("There is no such joint to repeat now.")
             return
@@ -119,7 +119,7 @@ class Procedure:
         self._start(index)
 
     def back(self) -> None:
-        """Goes back to the middle pose; ranges that were found stay."""
+        """Go back to the middle pose; ranges that were found stay."""
         if self.step not in (Step.SWEEP, Step.REVIEW):
             self._refuse("There is nothing to go back to.")
             return
@@ -127,12 +127,12 @@ class Procedure:
         self.step = Step.HOMING
 
     def written(self) -> None:
-        """Says that device and file hold the result."""
+        """Say that device and file hold the result."""
         self.step = Step.DONE
         self._say("")
 
     def not_written(self, reason: str) -> None:
-        """Says that writing failed and that the old calibration stands; the ranges stay for another try."""
+        """Say that writing failed and that the old calibration stands; the ranges stay for another try."""
         self.step = Step.REVIEW
         self._refuse(reason)
 
@@ -253,7 +253,7 @@ class Procedure:
             self._take_baselines()
 
     def _off_middle(self) -> str:
-        """Says which of the ranges that are known already does not fit around the middle pose."""
+        """Say which of the ranges that are known already does not fit around the middle pose."""
         assert self._homes is not None
         for index, done in enumerate(self._done):
             if done:
@@ -368,6 +368,6 @@ class Procedure:
 
 
 def _names(motors: Sequence[TargetMotor], known: Mapping[int, str]) -> tuple[str, ...]:
-    """Names of an earlier calibration where they go together with the others, else the motors' own."""
+    """Return the joint names of the earlier calibration where they fit, else those of the motors."""
     names = tuple(known.get(motor.id, motor.joint_name) for motor in motors)
     return names if len(set(names)) == len(names) else tuple(motor.joint_name for motor in motors)

@@ -56,7 +56,7 @@ def motor_calibration(
 
 
 def require_range(motor: TargetMotor, name: str, sweep: Sweep, home: int) -> None:
-    """Refuses a range that is missing, incomplete or does not fit. Raises RangeRefused."""
+    """Refuse a range that is missing, incomplete or does not fit. Raises RangeRefused."""
     degrees = 360 / motor.ticks_per_turn
     if sweep.too_far:
         raise RangeRefused(
@@ -84,7 +84,7 @@ def require_range(motor: TargetMotor, name: str, sweep: Sweep, home: int) -> Non
 
 
 def require_middle(motor: TargetMotor, name: str, sweep: Sweep, home: int) -> None:
-    """Refuses a range that does not lie around the middle pose. Raises RangeRefused."""
+    """Refuse a range that does not lie around the middle pose. Raises RangeRefused."""
     if sweep.low is None or sweep.high is None or sweep.goes_round:
         return
     half = motor.ticks_per_turn // 2

@@ -33,7 +33,7 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def run_calibration(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | None) -> int:
-    """Calibrates the arms of a file and returns the exit code."""
+    """Calibrate the arms of a file and return the exit code."""
     with ExitStack() as stack:
         try:
             plan, previous = plan_of(checked, arguments)
@@ -86,7 +86,7 @@ class Stop:
             signal.signal(number, handler)  # type: ignore[arg-type]
 
     def order(self) -> None:
-        """Ends the run."""
+        """End the run."""
         self._signalled = True
 
     def _note(self, *_: object) -> None:
@@ -168,7 +168,7 @@ def _has_input() -> bool:
 
 
 def _conclude(session: Session, arms: Sequence[Arm], front_ends: Sequence[FrontEnd]) -> int:
-    """Runs the session, and says what came of it: for each arm whether it is calibrated."""
+    """Run the session, and say what came of it: for each arm whether it is calibrated."""
     from joshua_calibration.front_end import ArmState
     from joshua_calibration.session import Stopped, Unfinished
     from joshua_calibration.transaction import NotWritten

@@ -89,7 +89,7 @@ class Session:
         self._reconnect_s = 0.0
 
     def run(self) -> None:
-        """Calibrates all arms.
+        """Calibrate all arms.
 
         Raises:
             Stopped: the user has ended it; arms that are done stay calibrated.
@@ -169,7 +169,7 @@ class Session:
         return self._script_s
 
     def _move_by_script(self, arm: Arm, now_s: float) -> None:
-        """Lets an arm that nobody moves move as the procedure asks, and confirms where nobody else does."""
+        """Let an arm that nobody moves move as the procedure asks, and confirms where nobody else does."""
         view = self._procedure.view()
         task = (view.step, view.active)
         if task != self._guided:
@@ -191,7 +191,7 @@ class Session:
             raise Unfinished(f"{arm.node_name}: {view.message or view.instruction}")
 
     def _guide(self, arm: Arm, view: View) -> float:
-        """Lets emulated or simulated joints move. Returns how long that takes."""
+        """Let emulated or simulated joints move. Return how long that takes."""
         if arm.guide is None or view.step not in (Step.HOMING, Step.SWEEP):
             return 0.0
         seconds = MIDDLE_S if view.active is None else SWEEP_S

@@ -37,7 +37,7 @@ class Sweep:
         self.high: int | None = None
 
     def observe(self, position: int, *, continuous: bool = True) -> None:
-        """Takes the next position; ``continuous`` says that no readings are missing before it."""
+        """Take the next position; ``continuous`` says that no readings are missing before it."""
         if self._last is None or self.low is None or self.high is None:
             self.low = self.high = self._turning_point = position
             self._near_start = (position, position, position)

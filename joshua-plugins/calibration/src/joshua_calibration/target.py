@@ -72,7 +72,7 @@ class CalibrationTarget(ABC):
 
     @abstractmethod
     def connect(self) -> None:
-        """Opens the device and checks its motors, whatever calibration they hold; writes nothing.
+        """Open the device and check its motors, whatever calibration they hold; write nothing.
 
         After a disconnection the same device is looked for, under whatever name it came back.
 
@@ -82,7 +82,7 @@ class CalibrationTarget(ABC):
 
     @abstractmethod
     def disconnect(self) -> None:
-        """Closes the device. Idempotent."""
+        """Close the device. Idempotent."""
 
     @abstractmethod
     def release(self) -> None:
@@ -105,7 +105,7 @@ class CalibrationTarget(ABC):
 
     @abstractmethod
     def store(self, motor_id: int, values: StoredMotor) -> None:
-        """Writes one motor's values and reads them back; for a device that keeps nothing it does nothing.
+        """Write one motor's values and read them back; for a device that keeps nothing it does nothing.
 
         Called with torque off. Where it fails, the motor may hold old, new or some of each: the caller puts
         back what ``stored`` has said.

@@ -43,7 +43,7 @@ class TerminalFrontEnd(FrontEnd):
         return self._keys >= 0
 
     def show(self, board: Board) -> None:
-        """Draws the table again, or writes a line about what has changed."""
+        """Draw the table again, or write a line about what has changed."""
         if not self._is_live:
             text = event_text(self._before, board)
             self._before = board
@@ -58,7 +58,7 @@ class TerminalFrontEnd(FrontEnd):
         self._lines = len(lines)
 
     def say(self, text: str) -> None:
-        """Writes a line above the table."""
+        """Write a line above the table."""
         up = f"{_UP.format(self._lines)}\r{_CLEAR_DOWN}" if self._lines else ""
         self._lines = 0
         self._put(f"{up}{text}\n")
@@ -72,7 +72,7 @@ class TerminalFrontEnd(FrontEnd):
         return list(_requests_of_lines(lines))
 
     def close(self) -> None:
-        """Puts the terminal back as it was."""
+        """Put the terminal back as it was."""
         attributes, self._attributes = self._attributes, None
         if attributes is not None:
             with contextlib.suppress(termios.error):
@@ -124,7 +124,7 @@ def _descriptor(stream: TextIO) -> int:
 
 
 def _without_echo(descriptor: int) -> Any:
-    """Lets keys come one by one and unseen; Ctrl-C stays a signal. None if it is no terminal."""
+    """Let keys come one by one and unseen; Ctrl-C stays a signal. None if it is no terminal."""
     try:
         attributes = termios.tcgetattr(descriptor)
     except (termios.error, ValueError, OverflowError):

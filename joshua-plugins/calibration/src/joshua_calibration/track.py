@@ -16,12 +16,12 @@ class Track:
         self.position = 0
 
     def follow(self, raw: int) -> None:
-        """Takes the next reading; the joint has moved less than half a turn since the last one."""
+        """Take the next reading; the joint has moved less than half a turn since the last one."""
         self.position += self._shortest(raw - self.raw) if self.raw is not None else raw
         self.raw = raw
 
     def resume(self, raw: int, home: int | None) -> None:
-        """Takes a reading after a pause, in which the joint may have gone either way round.
+        """Take a reading after a pause, in which the joint may have gone either way round.
 
         Args:
             home: position of the middle pose, which is less than half a turn away; None while it is unknown.

@@ -51,7 +51,7 @@ def write(
     journal: Journal,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Writes a calibration into the device and into the file.
+    """Write a calibration into the device and into the file.
 
     Args:
         cancelled: asked before each motor; True undoes what was written so far.
@@ -95,7 +95,7 @@ def write(
 
 
 def recover(target: CalibrationTarget, file: ArmFile, journal: Journal) -> Recovery:
-    """Makes servos and file agree after an interrupted write of a calibration.
+    """Make servos and file agree after an interrupted write of a calibration.
 
     Raises:
         NotWritten: it was another arm's, or the servos do not take their values; the note stays.
@@ -143,7 +143,7 @@ class _Cancelled(Exception):
 def _store(
     target: CalibrationTarget, values: Mapping[int, StoredMotor], cancelled: Callable[[], bool]
 ) -> None:
-    """Writes all motors, and reads all of them back at the end."""
+    """Write all motors, and read all of them back at the end."""
     for motor_id, value in values.items():
         if cancelled():
             raise _Cancelled("interrupted")
@@ -165,7 +165,7 @@ def _undone(
     journal: Journal,
     error: BaseException | None,
 ) -> NotWritten:
-    """Puts the old values back, waiting a little for an arm that has gone; says what holds now."""
+    """Put the old values back, waiting a little for an arm that has gone; say what holds now."""
     reason = str(error) if error else "interrupted"
     failure = _roll_back(target, old)
     if failure is None:

@@ -54,7 +54,7 @@ class Machine:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs one emulated device until it is stopped; prints one line of JSON when it is ready."""
+    """Run one emulated device until it is stopped; print one line of JSON when it is ready."""
     options = _parser().parse_args(arguments)
     if options.root:
         return emulate(options, options.root)
@@ -64,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def emulate(options: argparse.Namespace, root: Path) -> int:
-    """Runs the device below a folder. Returns the exit code."""
+    """Run the device below a folder. Return the exit code."""
     try:
         machine = MAKERS.get(options.protocol, _bus)(options, root)
     except (EepromStoreError, ControlError, MotionError, SpecError, OSError) as error:
@@ -94,7 +94,7 @@ def emulate(options: argparse.Namespace, root: Path) -> int:
 
 
 def parse_fault(text: str) -> dict[str, Any]:
-    """Reads a fault such as ``drop=0.01``, ``silent=3,at_s=2`` or ``unplug,at_s=5,replug_after_s=1``."""
+    """Read a fault such as ``drop=0.01``, ``silent=3,at_s=2`` or ``unplug,at_s=5,replug_after_s=1``."""
     first, *rest = text.split(",")
     kind, equals, value = first.partition("=")
     request: dict[str, Any] = {"kind": kind.strip()}

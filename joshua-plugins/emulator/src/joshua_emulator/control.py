@@ -25,7 +25,7 @@ class ControlError(Exception):
 
 
 def listen_at(path: Path) -> socket.socket:
-    """Listens at a path, for this user alone, in place of a socket that a former process has left there.
+    """Listen at a path, for this user alone, in place of a socket that a former process has left there.
 
     Raises:
         OSError: the path cannot be used, or something else stands there.
@@ -60,7 +60,7 @@ class ControlServer:
         return (self._listener.fileno(), *self._clients)
 
     def serve(self, ready: Iterable[int]) -> None:
-        """Serves those of the descriptors that are ready."""
+        """Serve those of the descriptors that are ready."""
         for descriptor in ready:
             if descriptor == self._listener.fileno():
                 self._accept()
@@ -68,7 +68,7 @@ class ControlServer:
                 self._read(descriptor)
 
     def close(self) -> None:
-        """Closes all connections and removes the socket file."""
+        """Close all connections and remove the socket file."""
         for client, _ in self._clients.values():
             client.close()
         self._clients.clear()

@@ -46,7 +46,7 @@ class ProcessEmulator(DeviceEmulator):
         self._process: Any = Unstarted()
 
     def start(self) -> None:
-        """Starts the process. Raises EmulationError, FaultRefusedError."""
+        """Start the process. Raises EmulationError, FaultRefusedError."""
         folder = self.device.state_folder
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -65,10 +65,10 @@ class ProcessEmulator(DeviceEmulator):
 
     @abstractmethod
     def make_process(self, block: Any, folder: Path) -> EmulatorProcess:
-        """Makes the process that stands for a block."""
+        """Make the process that stands for a block."""
 
     def close(self) -> None:
-        """Ends the process."""
+        """End the process."""
         self._process.close()
 
 
@@ -84,7 +84,7 @@ class ServoBusEmulator(ProcessEmulator):
     eeprom_file: ClassVar[str] = "eeprom.json"
 
     def make_process(self, block: Any, folder: Path) -> EmulatedBus:
-        """Makes the bus with the ids and the line speed of the block."""
+        """Make the bus with the ids and the line speed of the block."""
         ids = list(block.motor_ids)
         is_arm = len(ids) == 6
         return EmulatedBus(
@@ -118,7 +118,7 @@ class ServoBusEmulator(ProcessEmulator):
         return {}
 
     def amend(self, block: Message) -> None:
-        """Puts the pseudo-terminal in place of the serial port."""
+        """Put the pseudo-terminal in place of the serial port."""
         serial: Any = block.comm.serial  # type: ignore[attr-defined]
         for field in ("serial_number", "vid_pid"):
             serial.ClearField(field)
@@ -138,7 +138,7 @@ class ServoBusEmulator(ProcessEmulator):
         return calibration_pb2.ArmCalibration(motors=motors, **values)
 
     def guide(self, joint: int | None, seconds: float) -> bool:
-        """Moves the joints as a person would."""
+        """Move the joints as a person would."""
         self._process.guide(joint, seconds)
         return True
 
@@ -161,7 +161,7 @@ class CameraEmulator(ProcessEmulator):
     couples = True
 
     def make_process(self, block: Any, folder: Path) -> EmulatedCamera:
-        """Makes the camera with the size and the rate of the block."""
+        """Make the camera with the size and the rate of the block."""
         del folder  # a camera remembers nothing
         options: dict[str, Any] = {}
         if isinstance(link := self.device.physics, PhysicsCamera):
@@ -169,7 +169,7 @@ class CameraEmulator(ProcessEmulator):
         return EmulatedCamera(block.width, block.height, block.fps, fault=list(self.device.faults), **options)
 
     def amend(self, block: Message) -> None:
-        """Puts the address of the stream in place of the device."""
+        """Put the address of the stream in place of the device."""
         block.ClearField("device_id")
         block.source = self._process.source  # type: ignore[attr-defined]
 
@@ -183,7 +183,7 @@ class HubEmulator(ProcessEmulator):
     """A LEGO SPIKE hub with Pybricks, over virtual Bluetooth."""
 
     def make_process(self, block: Any, folder: Path) -> EmulatedHub:
-        """Makes the hub with the name and the ports of the block."""
+        """Make the hub with the name and the ports of the block."""
         del folder  # a hub's program is uploaded again after each power cycle
         return EmulatedHub(
             list(block.port_names),
@@ -193,7 +193,7 @@ class HubEmulator(ProcessEmulator):
         )
 
     def amend(self, block: Message) -> None:
-        """Puts the virtual adapter in place of the system's."""
+        """Put the virtual adapter in place of the system's."""
         block.comm.ble.adapter = self._process.adapter  # type: ignore[attr-defined]
 
     @property
@@ -202,7 +202,7 @@ class HubEmulator(ProcessEmulator):
         return str(self._process.adapter)
 
     def guide(self, joint: int | None, seconds: float) -> bool:
-        """Moves the shafts as a person would."""
+        """Move the shafts as a person would."""
         self._process.guide(joint, seconds)
         return True
 

@@ -23,7 +23,7 @@ class EepromStore:
         self._images: dict[str, str] = {}
 
     def load(self) -> None:
-        """Reads the file where there is one. Raises EepromStoreError."""
+        """Read the file where there is one. Raises EepromStoreError."""
         if self._path is None or not self._path.exists():
             return
         try:
@@ -48,7 +48,7 @@ class EepromStore:
         return None if image is None else bytes.fromhex(image)
 
     def save(self, slot: int | str, image: bytes) -> None:
-        """Stores the EEPROM of one slot; the file changes in one step, so a kill leaves old or new."""
+        """Store the EEPROM of one slot; the file changes in one step, so a kill leaves old or new."""
         self._images[str(slot)] = image.hex()
         if self._path is None:
             return

@@ -70,7 +70,7 @@ class EmulatorProcess:
         return int(self.ready["pid"])
 
     def start(self) -> None:
-        """Starts the process and waits until it is ready. Raises EmulatorError."""
+        """Start the process and wait until it is ready. Raises EmulatorError."""
         command = [sys.executable, "-m", "joshua_emulator", *self._command, "--until-stdin-closes"]
         # In a session of its own: Ctrl-C is for the drivers, which stop before their devices vanish.
         self._process = subprocess.Popen(
@@ -95,7 +95,7 @@ class EmulatorProcess:
         self.ready = json.loads(line)
 
     def close(self) -> None:
-        """Stops the process and removes its folder. Idempotent."""
+        """Stop the process and remove its folder. Idempotent."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
@@ -115,7 +115,7 @@ class EmulatorProcess:
             shutil.rmtree(self.root, ignore_errors=True)
 
     def ask(self, operation: str, **values: Any) -> dict[str, Any]:
-        """Sends one request over the control channel. Raises EmulatorError with the emulator's reason."""
+        """Send one request over the control channel. Raises EmulatorError with the emulator's reason."""
         connection = self._connect()
         try:
             connection.sendall(json.dumps({"op": operation, **values}).encode() + b"\n")
@@ -137,11 +137,11 @@ class EmulatorProcess:
         return list(self.ask("log", since=since, events=events)["entries"])
 
     def fault(self, kind: str, value: float | None = None, **settings: Any) -> None:
-        """Injects a fault, such as ``fault("silent", 3)`` or ``fault("drop", 0.01)``."""
+        """Inject a fault, such as ``fault("silent", 3)`` or ``fault("drop", 0.01)``."""
         self.ask("fault", kind=kind, **({} if value is None else {"value": value}), **settings)
 
     def wait_for(self, events: Iterable[str], *, since: int = 0, timeout_s: float = 60.0) -> dict[str, Any]:
-        """Waits for the first log entry of the given events after a sequence number."""
+        """Wait for the first log entry of the given events after a sequence number."""
         deadline_s = time.monotonic() + timeout_s
         wanted = list(events)
         while time.monotonic() < deadline_s:

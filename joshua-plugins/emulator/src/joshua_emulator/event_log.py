@@ -19,16 +19,16 @@ class EventLog:
         self.reads = 0
 
     def add(self, event: str, t_s: float, **values: Any) -> None:
-        """Adds one entry at a time of the monotonic clock, in seconds."""
+        """Add one entry at a time of the monotonic clock, in seconds."""
         self._entries.append({"sequence": self._next, "event": event, "t_ns": round(t_s * 1e9), **values})
         self._next += 1
 
     def delivered(self, lateness_s: float) -> None:
-        """Counts one reply that the host could see ``lateness_s`` after its wire time."""
+        """Count one reply that the host could see ``lateness_s`` after its wire time."""
         self._lateness_s.append(lateness_s)
 
     def since(self, sequence: int, events: Iterable[str] = (), limit: int = CAPACITY) -> list[dict[str, Any]]:
-        """Lists entries after ``sequence``, of the given events only where any are named, oldest first."""
+        """List entries after ``sequence``, of the given events only where any are named, oldest first."""
         wanted = set(events)
         found = [
             entry
@@ -38,7 +38,7 @@ class EventLog:
         return found[:limit]
 
     def lateness(self, *, clear: bool = False) -> dict[str, float]:
-        """Sums up how late replies were handed over: count, and mean, median, p99 and maximum in seconds."""
+        """Sum up how late replies were handed over: count, and mean, median, p99 and maximum in seconds."""
         ordered = sorted(self._lateness_s)
         if clear:
             self._lateness_s.clear()

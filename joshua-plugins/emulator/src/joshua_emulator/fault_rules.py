@@ -78,7 +78,7 @@ def check_fault(
     rules: Mapping[str, FaultRule],
     when: Mapping[str, Number] | None = None,
 ) -> None:
-    """Holds the request for a fault against the rules of a device.
+    """Hold the request for a fault against the rules of a device.
 
     Args:
         rules: by kind of fault; when: what every fault may wait for, ``at_s`` aside.

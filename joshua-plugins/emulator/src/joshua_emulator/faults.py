@@ -29,7 +29,7 @@ class Faults:
         self.counts = dict.fromkeys(self.KINDS, 0)
 
     def set(self, values: Mapping[str, Any]) -> None:
-        """Sets probabilities by kind, and ``late_by_s``. Raises FaultError and then changes nothing."""
+        """Set probabilities by kind, and ``late_by_s``. Raises FaultError and then changes nothing."""
         for kind, value in values.items():
             if kind not in (*self.KINDS, "late_by_s"):
                 allowed = ", ".join((*self.KINDS, "late_by_s"))
@@ -44,7 +44,7 @@ class Faults:
                 self._probability[kind] = float(value)
 
     def clear(self) -> None:
-        """Ends all line faults; the counts stay."""
+        """End all line faults; the counts stay."""
         self._probability = dict.fromkeys(self.KINDS, 0.0)
         self.late_by_s = LATE_BY_S
 
@@ -53,11 +53,11 @@ class Faults:
         return {**self._probability, "late_by_s": self.late_by_s}
 
     def loses_request(self) -> bool:
-        """Draws whether an instruction is lost."""
+        """Draw whether an instruction is lost."""
         return self._draw("drop_request")
 
     def disturb(self, data: bytes) -> tuple[bytes, float] | None:
-        """Draws what happens to a reply: None if it is lost, else its bytes and its delay in seconds."""
+        """Draw what happens to a reply: None if it is lost, else its bytes and its delay in seconds."""
         if self._draw("drop"):
             return None
         if self._draw("corrupt"):

@@ -65,11 +65,11 @@ class Joint:
         return abs(self.load) * STALL_CURRENT_A
 
     def put_object(self, angle: float | None) -> None:
-        """Puts something stiff in the joint's way, at a shaft angle in ticks; None takes it away."""
+        """Put something stiff in the joint's way, at a shaft angle in ticks; None takes it away."""
         self._object = None if angle is None else (angle, 1 if angle >= self.angle else -1)
 
     def advance(self, now_s: float, drive: Drive) -> None:
-        """Brings the joint to a time of the monotonic clock; an earlier time changes nothing."""
+        """Bring the joint to a time of the monotonic clock; an earlier time changes nothing."""
         if self._time_s is None:
             self._time_s = now_s - STEP_S
         elapsed_s = now_s - self._time_s
@@ -99,7 +99,7 @@ class Joint:
         self.load = 0.0
 
     def _step(self, step_s: float, drive: Drive) -> bool:
-        """Advances by one step; returns False once nothing will change any more."""
+        """Advance by one step; return False once nothing will change any more."""
         capacity = FRICTION + (drive.torque_limit if drive.mode != "off" else 0.0)
         if abs(self.external_load) > capacity and not self.blocked:
             return self._give_way(step_s, drive, capacity)

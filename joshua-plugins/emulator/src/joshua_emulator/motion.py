@@ -81,7 +81,7 @@ def calibrating(
 
 
 def recorded(values: Mapping[str, Any], joints: Sequence[str]) -> dict[int, Trajectory]:
-    """Replays a CSV file: a header ``time_s,NAME,…``, then seconds and radians in each line.
+    """Replay a CSV file: a header ``time_s,NAME,…``, then seconds and radians in each line.
 
     Args:
         values: ``file``.

@@ -41,14 +41,14 @@ class DeviceOperations(ABC):
 
     @abstractmethod
     def at(self, delay_s: float, action: Action) -> None:
-        """Calls ``action`` after a delay, on the loop of the device."""
+        """Call ``action`` after a delay, on the loop of the device."""
 
     @abstractmethod
     def fault_action(self, kind: str, request: Request) -> Action:
         """The action that injects a valid fault. Raises ControlError if it is refused."""
 
     def handle(self, request: Request) -> dict[str, Any]:
-        """Carries out one request. Raises ControlError."""
+        """Carry out one request. Raises ControlError."""
         name = request["op"]
         operation = self.operations.get(name)
         if operation is None:
@@ -72,7 +72,7 @@ class DeviceOperations(ABC):
         return {"entries": entries}
 
     def fault(self, request: Request) -> None:
-        """Injects a fault: ``kind``, its ``value`` and settings, ``at_s`` seconds from now on."""
+        """Inject a fault: ``kind``, its ``value`` and settings, ``at_s`` seconds from now on."""
         check_fault(request, self._rules, self.when)
         action = self.fault_action(request["kind"], request)
         delay_s = float(request.get("at_s", 0.0))
@@ -82,7 +82,7 @@ class DeviceOperations(ABC):
             action()
 
     def later(self, delay_s: float, action: Action) -> None:
-        """Carries something out after a delay; what is impossible by then is logged as ``refused``."""
+        """Carry something out after a delay; what is impossible by then is logged as ``refused``."""
         impossible: tuple[type[Exception], ...] = (ControlError, OSError, *self.refusals)
 
         def carry_out() -> None:
@@ -106,5 +106,5 @@ class DeviceOperations(ABC):
         return start
 
     def end_lasting(self) -> None:
-        """Forgets when faults would have ended; the caller ends them."""
+        """Forget when faults would have ended; the caller ends them."""
         self._lasting.clear()

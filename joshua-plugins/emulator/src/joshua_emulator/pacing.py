@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def sharpen_timers() -> None:
-    """Asks the kernel to wake this process within microseconds instead of 50 µs, where it can."""
+    """Ask the kernel to wake this process within microseconds instead of 50 µs, where it can."""
     slack = Path("/proc/self/timerslack_ns")
     if sys.platform == "linux" and slack.exists():
         with contextlib.suppress(OSError):

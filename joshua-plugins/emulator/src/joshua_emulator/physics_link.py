@@ -37,7 +37,7 @@ class CoupledJoint(Joint):
         self.wanted = Drive()
 
     def advance(self, now_s: float, drive: Drive) -> None:
-        """Takes what the servo wants, and lets the motor warm up; moves only where a hand does."""
+        """Take what the servo wants, and let the motor warm up; move only where a hand does."""
         self.wanted = drive
         last_s = now_s if self._time_s is None else self._time_s
         if now_s > last_s:
@@ -65,7 +65,7 @@ class PhysicsLink:
         self._format = struct.Struct(f"{3 * len(self._joints)}d")
 
     def exchange(self) -> None:
-        """Says what the servos want, takes what the joints did; connects where that is possible by now."""
+        """Say what the servos want, take what the joints did; connect where that is possible by now."""
         if self._link is None:
             self._connect()
         elif not self._joined:
@@ -86,7 +86,7 @@ class PhysicsLink:
             self._close()  # the simulation has gone
 
     def _close(self) -> None:
-        """Ends the connection; the joints stay where they are."""
+        """End the connection; the joints stay where they are."""
         link, self._link = self._link, None
         self._joined = False
         if link is not None:
@@ -108,7 +108,7 @@ class PhysicsLink:
         self._link = link
 
     def _join(self, link: socket.socket) -> None:
-        """Takes the answer to the introduction; the bus continues while it is on its way."""
+        """Take the answer to the introduction; the bus continues while it is on its way."""
         try:
             answer = json.loads(link.recv(4096))
             self._middle_rad = [float(value) for value in answer["middle_rad"]]

@@ -8,7 +8,7 @@ from joshua.api.specs import EmulatorSpec
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the emulated devices."""
+    """Name the emulated devices."""
     return [
         EmulatorSpec(
             block="sts3215_config",

@@ -47,10 +47,10 @@ class EmulatedBus(EmulatorProcess):
         return dict(self.ask("calibration")["calibration"])
 
     def hand(self, positions: Mapping[int, float], *, duration_s: float = 0.0) -> None:
-        """Moves joints without torque by hand: ticks by servo id."""
+        """Move joints without torque by hand: ticks by servo id."""
         for servo_id, ticks in positions.items():
             self.ask("hand", id=servo_id, ticks=ticks, duration_s=duration_s)
 
     def guide(self, slot: int | None, seconds: float) -> None:
-        """Moves one joint through its range, or all to their middles, as a calibration asks a person to."""
+        """Move one joint through its range, or all to their middles, as a calibration asks a person to."""
         self.ask("guide", seconds=seconds, **({} if slot is None else {"slot": slot}))

@@ -53,7 +53,7 @@ class PtyLine:
         return self.root / "dev" / "serial" / "by-id" / name
 
     def plug(self, name: str) -> None:
-        """Brings the adapter up under a device name such as ``ttyACM0``. Raises FileExistsError."""
+        """Bring the adapter up under a device name such as ``ttyACM0``. Raises FileExistsError."""
         if (self.root / "dev" / name).exists():
             raise FileExistsError(f"{self.root / 'dev' / name}: is in use; choose another name")
         self.unplug()
@@ -68,7 +68,7 @@ class PtyLine:
         self._describe_usb()
 
     def unplug(self) -> None:
-        """Takes the adapter away: names vanish and whoever has the port open is hung up on."""
+        """Unplug the adapter: its names vanish, and the terminal hangs up on whoever has it open."""
         if not self.plugged:
             return
         for path in (self.by_id, self.port, self._class_link):
@@ -109,7 +109,7 @@ class PtyLine:
 
 
 def _link(path: Path, target: str) -> None:
-    """Makes a symbolic link in one step, in place of one that may be there."""
+    """Make a symbolic link in one step, in place of one that may be there."""
     temporary = path.with_name(f".{path.name}.new")
     temporary.unlink(missing_ok=True)
     temporary.symlink_to(target)

@@ -23,7 +23,7 @@ class SerialSensorEmulator(ProcessEmulator):
     """A sensor on a pseudo-terminal."""
 
     def amend(self, block: Message) -> None:
-        """Puts the pseudo-terminal in place of the serial port."""
+        """Put the pseudo-terminal in place of the serial port."""
         serial: Any = block.comm.serial  # type: ignore[attr-defined]
         for field in ("serial_number", "vid_pid"):
             serial.ClearField(field)
@@ -39,7 +39,7 @@ class LidarEmulator(SerialSensorEmulator):
     """A laser scanner in a room."""
 
     def make_process(self, block: Any, folder: Path) -> EmulatedLidar:
-        """Makes the scanner of the block's model, else a usual one with the block's line speed."""
+        """Make the scanner of the block's model, else a usual one with the block's line speed."""
         del folder  # a scanner remembers nothing
         usual = _SCANNERS.get(block.comm.serial.baudrate, _USUAL_SCANNER)
         model = block.model if block.model in MODELS else usual
@@ -50,7 +50,7 @@ class EncoderEmulator(SerialSensorEmulator):
     """Rotary encoders on a shaft that turns back and forth."""
 
     def make_process(self, block: Any, folder: Path) -> EmulatedEncoder:
-        """Makes the encoders with protocol, resolution, line speed and addresses of the block."""
+        """Make the encoders with protocol, resolution, line speed and addresses of the block."""
         del folder  # an encoder remembers nothing
         return EmulatedEncoder(
             block.protocol or "line",

@@ -25,10 +25,10 @@ class Bus(Protocol):
     """A bus protocol behind an emulated adapter."""
 
     def receive(self, data: bytes, line_speed: int, now_s: float) -> list[TimedReply]:
-        """Takes bytes of the host. Returns what the bus answers and when."""
+        """Take bytes of the host. Return what the bus answers and when."""
 
     def reset_line(self) -> None:
-        """Forgets an unfinished packet."""
+        """Forget an unfinished packet."""
 
 
 class Station:
@@ -61,11 +61,11 @@ class Station:
         self._away_since_s: float | None = None
 
     def at(self, delay_s: float, action: Callable[[], object]) -> None:
-        """Calls ``action`` after a delay, on the loop."""
+        """Call ``action`` after a delay, on the loop."""
         self._timers.at(delay_s, action)
 
     def stream(self, produce: Callable[[float, int], list[TimedReply]], period_s: float = STREAM_S) -> None:
-        """Lets a device send by itself: each period ``produce`` gets the time and the line speed."""
+        """Let a device send by itself: each period ``produce`` gets the time and the line speed."""
 
         def turn() -> None:
             self.at(period_s, turn)
@@ -76,7 +76,7 @@ class Station:
         self.at(0.0, turn)
 
     def unplug(self) -> None:
-        """Takes the adapter away; replies under way are lost."""
+        """Take the adapter away; replies under way are lost."""
         now_s = time.monotonic()
         self._replies.clear()
         self.line.unplug()
@@ -84,7 +84,7 @@ class Station:
         self.log.add("unplug", now_s)
 
     def replug(self, name: str) -> None:
-        """Brings the adapter back under a device name."""
+        """Bring the adapter back under a device name."""
         self.bus.reset_line()
         self.line.plug(name)
         now_s = time.monotonic()
@@ -96,16 +96,16 @@ class Station:
         return self._away_s + (0.0 if self._away_since_s is None else max(0.0, now_s - self._away_since_s))
 
     def stop(self) -> None:
-        """Ends ``run`` after the present turn."""
+        """End ``run`` after the present turn."""
         self._stopped = True
 
     def close(self) -> None:
-        """Takes the device names and the control socket away."""
+        """Take the device names and the control socket away."""
         self.line.unplug()
         self.control.close()
 
     def run(self, watched: Collection[int] = ()) -> None:
-        """Runs until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
+        """Run until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
         sharpen_timers()
         while not self._stopped:
             now_s = time.monotonic()
@@ -136,7 +136,7 @@ class Station:
             heapq.heappush(self._replies, reply)
 
     def _deliver(self, now_s: float) -> float:
-        """Hands over the next burst if it is due. Returns when the next one is."""
+        """Hand over the next burst if it is due. Return when the next one is."""
         replies = self._replies
         while replies:
             limit_s = replies[0].due_s + self._burst_window_s
@@ -155,7 +155,7 @@ class Station:
         return float("inf")
 
     def _send(self, data: bytes) -> bool:
-        """Puts bytes on the line; whether it took all: a host that does not read loses some, as on a UART."""
+        """Put bytes on the line; whether it took all: a host that does not read loses some, as on a UART."""
         try:
             return os.write(self.line.master, data) == len(data)
         except BlockingIOError:

@@ -28,7 +28,7 @@ class StationOperations(DeviceOperations):
         return self.station
 
     def at(self, delay_s: float, action: Action) -> None:
-        """Calls ``action`` after a delay, on the loop of the station."""
+        """Call ``action`` after a delay, on the loop of the station."""
         self.home.at(delay_s, action)
 
 
@@ -54,7 +54,7 @@ class SensorOperations(StationOperations):
         return self.makers[kind](request)
 
     def unplug(self, request: Request) -> Action:
-        """Takes the adapter away, and brings it back after ``replug_after_s``."""
+        """Take the adapter away, and bring it back after ``replug_after_s``."""
         replug_after_s = float(request.get("replug_after_s", 0.0))
 
         def unplug() -> None:
@@ -65,16 +65,16 @@ class SensorOperations(StationOperations):
         return unplug
 
     def replug(self) -> None:
-        """Brings the adapter back; does nothing while it is there."""
+        """Bring the adapter back; does nothing while it is there."""
         if not self.home.line.plugged:
             self.home.replug(self._name)
 
     def rate(self, request: Request, device: object) -> Action:
-        """Talks at another line speed, as a device of another make would."""
+        """Talk at another line speed, as a device of another make would."""
         baudrate = int(request["value"])
         return lambda: setattr(device, "baudrate", baudrate)
 
     def dirty(self, request: Request) -> Action:
-        """Sends ``value`` bytes of noise and then the second half of a packet."""
+        """Send ``value`` bytes of noise and then the second half of a packet."""
         count = int(request.get("value", 100))
         return lambda: self._faults.begin_dirty(count)

@@ -19,11 +19,11 @@ class Timers:
         self._order = itertools.count()
 
     def at(self, delay_s: float, action: Callable[[], object]) -> None:
-        """Has ``action`` called after a delay."""
+        """Have ``action`` called after a delay."""
         heapq.heappush(self._entries, (time.monotonic() + delay_s, next(self._order), action))
 
     def run_due(self, now_s: float) -> None:
-        """Calls what is due."""
+        """Call what is due."""
         while self._entries and self._entries[0][0] <= now_s:
             heapq.heappop(self._entries)[2]()
 

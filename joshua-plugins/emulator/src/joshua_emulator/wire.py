@@ -23,12 +23,12 @@ class WireClock:
         self._free_s = 0.0
 
     def request(self, size: int, baudrate: int, now_s: float) -> float:
-        """Takes ``size`` bytes from the host. Returns when the last one has left the line."""
+        """Take ``size`` bytes from the host. Return when the last one has left the line."""
         start_s = max(now_s, self._free_s)
         self._free_s = start_s + size * BITS_PER_BYTE / baudrate
         return self._free_s
 
     def reply(self, size: int, baudrate: int, delay_s: float) -> float:
-        """Takes ``size`` bytes of a device that waits ``delay_s``. Returns when the last one has left."""
+        """Take ``size`` bytes of a device that waits ``delay_s``. Return when the last one has left."""
         self._free_s += delay_s + size * BITS_PER_BYTE / baudrate
         return self._free_s

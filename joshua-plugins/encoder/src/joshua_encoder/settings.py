@@ -52,7 +52,7 @@ class EncoderSettings(SerialSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Add the usual address and names, and the rate."""
+        """Add the default addresses and names, and the rate."""
         result = super().si_values(values, node, context)
         rates = [publisher.publish_rate_hz for publisher in getattr(node, "publishers", ())]
         result["rate_hz"] = max((rate for rate in rates if rate > 0), default=USUAL_RATE_HZ)

@@ -48,7 +48,7 @@ class LidarNode(SensorNode):
         return self._sensor
 
     def configure(self) -> None:
-        """Start the scanner, declares topics, and say which scanner it is."""
+        """Start the scanner, declare topics, and say which scanner it is."""
         super().configure()
         self.context.log.info(self.lidar.facts)
         for text in self.lidar.warnings:

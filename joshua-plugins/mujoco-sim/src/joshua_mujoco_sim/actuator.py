@@ -63,7 +63,7 @@ class SimActuator(Actuator):
         return self._world is not None
 
     def connect(self) -> None:
-        """Joins the simulation of this process, without torque. Raises DeviceError."""
+        """Join the simulation of this process, without torque. Raises DeviceError."""
         if self.connected:
             raise DeviceError("SimActuator.connect: the device is open already")
         simulation = self.context.facts.simulation
@@ -83,7 +83,7 @@ class SimActuator(Actuator):
         world.start()
 
     def read(self) -> JointReading:
-        """Reads position, speed and force of all joints."""
+        """Read position, speed and force of all joints."""
         world, group = self._joined("read")
         if world.failure:
             raise DeviceError(world.failure)
@@ -94,13 +94,13 @@ class SimActuator(Actuator):
         return JointReading(self._stamps.now_ns(), position, self._sign * velocity, self._sign * force)
 
     def enable(self) -> None:
-        """Enables the torque of all joints at their present positions."""
+        """Enable the torque of all joints at their present positions."""
         world, group = self._joined("enable")
         with world.lock:
             self._goal = self._angles(group)
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
-        """Commands positions in radians, shape (N,). Returns the goal after the clamp.
+        """Command positions in radians, shape (N,). Return the goal after the clamp.
 
         Raises ValueError for a wrong shape or a value that is not finite, DeviceError without torque.
         """
@@ -114,14 +114,14 @@ class SimActuator(Actuator):
         return goal.copy()
 
     def hold(self) -> None:
-        """Stops the joints at their positions without changing the torque."""
+        """Stop the joints at their positions without changing the torque."""
         world, group = self._joined("hold")
         with world.lock:
             if self._goal is not None:
                 self._goal = self._angles(group)
 
     def release(self) -> None:
-        """Takes torque off; does nothing on a closed device."""
+        """Take torque off; does nothing on a closed device."""
         if self._world is not None:
             with self._world.lock:
                 self._goal, self._is_free = None, True
@@ -133,7 +133,7 @@ class SimActuator(Actuator):
             return dict.fromkeys(self.joint_names, self._goal is not None)
 
     def disconnect(self) -> None:
-        """Leaves the simulation, with the drives as they are. Idempotent."""
+        """Leave the simulation, with the drives as they are. Idempotent."""
         world, self._world = self._world, None
         if world is None:
             return
@@ -162,7 +162,7 @@ class SimActuator(Actuator):
         self._unhook = world.before_step(self._drive)
 
     def _drive(self, physics: Physics) -> None:
-        """Sets the goals of the drives, before each step and under the lock."""
+        """Set the goals of the drives, before each step and under the lock."""
         group = self._group
         if group is None:
             return

@@ -73,7 +73,7 @@ class SimCalibrationTarget(CalibrationTarget):
         return self._world is not None
 
     def connect(self) -> None:
-        """Starts the physics, or joins that of another arm. Raises DeviceError."""
+        """Start the physics, or joins that of another arm. Raises DeviceError."""
         if self.connected:
             return
         settings = SimulationSettings.model_validate(self._simulation).world()
@@ -96,7 +96,7 @@ class SimCalibrationTarget(CalibrationTarget):
         world.start()
 
     def disconnect(self) -> None:
-        """Leaves the physics. Idempotent."""
+        """Leave the physics. Idempotent."""
         world, self._world = self._world, None
         if world is None:
             return
@@ -106,7 +106,7 @@ class SimCalibrationTarget(CalibrationTarget):
         leave_world(world)
 
     def release(self) -> None:
-        """Releases the joints; their drives only brake."""
+        """Release the joints; their drives only brake."""
         world, _, hand = self._joined("release")
         with world.lock:
             hand.let_go(world.physics)
@@ -149,7 +149,7 @@ class SimCalibrationTarget(CalibrationTarget):
             return group.position_rad
 
     def _move(self, physics: Physics) -> None:
-        """Lets the drives brake and the hand pull, before each step and under the lock."""
+        """Let the drives brake and the hand pull, before each step and under the lock."""
         group, hand = self._group, self._hand
         if group is None or hand is None:
             return

@@ -70,7 +70,7 @@ class SimCamera(Sensor):
         return self._world is not None
 
     def connect(self) -> None:
-        """Joins the simulation of this process. Raises DeviceError."""
+        """Join the simulation of this process. Raises DeviceError."""
         if self.connected:
             raise DeviceError("SimCamera.connect: the device is open already")
         simulation = self.context.facts.simulation
@@ -95,7 +95,7 @@ class SimCamera(Sensor):
         world.start()
 
     def read(self, timeout_s: float) -> Reading | None:
-        """Waits for the next frame; None if none arrives in time. Raises DeviceError."""
+        """Wait for the next frame; None if none arrives in time. Raises DeviceError."""
         self.require_connected("read")
         assert self._world is not None
         if failure := self._world.failure or self._error:
@@ -106,7 +106,7 @@ class SimCamera(Sensor):
         return reading
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
-        """Makes an ``Image`` (rgb8), a ``CompressedImage`` (PNG) or a ``CameraInfo``."""
+        """Make an ``Image`` (rgb8), a ``CompressedImage`` (PNG) or a ``CameraInfo``."""
         if type_name == CAMERA_INFO:
             return self._camera_info(reading, frame_id)
         if type_name == COMPRESSED_IMAGE:
@@ -117,7 +117,7 @@ class SimCamera(Sensor):
         return image(reading.data, frame_id=frame_id, at_ns=reading.stamp_ns)
 
     def disconnect(self) -> None:
-        """Leaves the simulation. Idempotent."""
+        """Leave the simulation. Idempotent."""
         world, self._world = self._world, None
         if world is None:
             return
@@ -134,7 +134,7 @@ class SimCamera(Sensor):
         leave_world(world)
 
     def _draw_all(self, world: World) -> None:
-        """Draws each frame that is due: on a thread of its own, because OpenGL binds its context to one."""
+        """Draw each frame that is due: on a thread of its own, because OpenGL binds its context to one."""
         size = self.settings
         try:
             renderer = CameraRenderer(
@@ -163,7 +163,7 @@ class SimCamera(Sensor):
             renderer.close()
 
     def _watch(self, physics: Physics) -> None:
-        """Takes in a frame at its very simulated time, or as soon as the one before it is drawn.
+        """Take in a frame at its very simulated time, or as soon as the one before it is drawn.
 
         A reset of the time starts again.
         """

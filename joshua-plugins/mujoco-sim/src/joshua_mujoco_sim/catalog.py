@@ -62,7 +62,7 @@ def find_packaged(name: str) -> Path | None:
 
 
 def similar_names(name: str) -> tuple[str, ...]:
-    """Names of packaged models, the one that was probably meant first."""
+    """Return the names of packaged models, the closest match first."""
     names = packaged_names()
     near = get_close_matches(name, names, n=3, cutoff=0.5)
     return (*near, *(other for other in names if other not in near))

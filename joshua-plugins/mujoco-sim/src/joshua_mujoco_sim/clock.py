@@ -32,7 +32,7 @@ class ClockPublisher:
         self._unhook = world.after_step(self._tick, first=True)  # what is stamped afterwards has its time
 
     def close(self) -> None:
-        """Ends it."""
+        """End it."""
         self._unhook()
 
     def _tick(self, physics: Physics) -> None:
@@ -45,7 +45,7 @@ class ClockPublisher:
 
 
 def clock_message(time_s: float) -> Any:
-    """Makes a ``rosgraph_msgs/msg/Clock``."""
+    """Make a ``rosgraph_msgs/msg/Clock``."""
     total_ns = round(time_s * 1e9)
     stamp = message_class("builtin_interfaces/msg/Time")(*divmod(total_ns, 1_000_000_000))
     return message_class("rosgraph_msgs/msg/Clock")(clock=stamp)

@@ -66,7 +66,7 @@ class CouplingServer:
         threading.Thread(target=self._accept, name="coupling", daemon=True).start()
 
     def close(self) -> None:
-        """Ends all connections. Idempotent."""
+        """End all connections. Idempotent."""
         self._closed = True
         for link in (self._listener, *self._connections):
             with contextlib.suppress(OSError):
@@ -122,7 +122,7 @@ class CouplingServer:
             remove()
 
     def _renderer(self, hello: dict[str, Any]) -> CameraRenderer:
-        """Opens OpenGL for a camera, on the thread that is to draw."""
+        """Open OpenGL for a camera, on the thread that is to draw."""
         width, height = int(hello["width"]), int(hello["height"])
         if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
             raise ValueError(f"{width} × {height} is no size of a picture; allowed: up to {MAX_SIDE} a side")
@@ -171,7 +171,7 @@ class ServoDrives:
         self.middle_rad = self._group.middle_rad
 
     def want(self, values: FloatArray) -> None:
-        """Takes what the servos want. Raises ValueError for another number of values or one not finite."""
+        """Take what the servos want. Raises ValueError for another number of values or one not finite."""
         if values.shape != (3 * len(self._ids),) or not np.isfinite(values).all():
             raise ValueError(f"{values.size} values for {len(self._ids)} joints, or one that is not finite")
         self._target, self._torque, self._speed = values.reshape(-1, 3).T.copy()
@@ -183,7 +183,7 @@ class ServoDrives:
         return np.column_stack([group.position_rad, group.velocity_rad_s, load]).tobytes()
 
     def drive(self, physics: Physics) -> None:
-        """Moves the set-points, before each step and under the lock."""
+        """Move the set-points, before each step and under the lock."""
         position = self._group.position_rad
         on = self._torque > 0
         way = self._speed * physics.timestep_s

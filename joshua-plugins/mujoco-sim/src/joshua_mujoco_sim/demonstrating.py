@@ -46,7 +46,7 @@ class _LiveState(SingleState):
         super().__init__(world.physics.model, action_size, data=world.physics.data)
 
     def reset(self, ids: IntArray, keyframe: int) -> None:
-        """Puts the scene to a keyframe."""
+        """Put the scene to a keyframe."""
         time_s = self.data.time
         super().reset(ids, keyframe)
         self.data.time = time_s
@@ -100,7 +100,7 @@ class Demonstrator:
         return Progress(self._phase, self._steps)
 
     def advance(self, physics: Physics) -> None:
-        """Follows the simulated time (before each step, under the lock)."""
+        """Follow the simulated time (before each step, under the lock)."""
         if physics.time_s < self._next_s - 1e-9:
             return
         if self._phase == "settling":

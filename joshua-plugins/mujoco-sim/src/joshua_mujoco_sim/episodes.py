@@ -61,7 +61,7 @@ class RecordedDrive:
         return first
 
     def command(self, time_s: float) -> None:
-        """Commands what is due at a time of the recording; after its end, its last sample."""
+        """Command what is due at a time of the recording; after its end, its last sample."""
         at = int(np.searchsorted(self._time_s, time_s, side="right"))
         if at in (0, len(self._time_s)):
             self.group.set_command(self._position[min(at, len(self._time_s) - 1)])
@@ -145,12 +145,12 @@ class EpisodeMaker:
         return self.written >= self.wanted
 
     def begin(self) -> None:
-        """Starts the first episode; after ``open``, and the caller holds the world's lock."""
+        """Start the first episode; after ``open``, and the caller holds the world's lock."""
         self._hooks = [self._world.before_step(self._look), self._world.after_step(self._keep)]
         self._start(0)
 
     def close(self) -> None:
-        """Forgets an episode that has not ended; after the physics has stopped."""
+        """Forget an episode that has not ended; after the physics has stopped."""
         for unhook in self._hooks:
             unhook()
         self._hooks = []
@@ -173,7 +173,7 @@ class EpisodeMaker:
         self._frame, self._last_s, self._pending = 0, 0.0, None
 
     def _look(self, physics: Physics) -> None:
-        """Drives the joints, and takes in a frame where one is due (before each step)."""
+        """Drive the joints, and capture a frame if one is due (before each step)."""
         if self.done or self.error:
             return
         try:
@@ -190,7 +190,7 @@ class EpisodeMaker:
             self.error = str(error)
 
     def _keep(self, physics: Physics) -> None:
-        """Completes the frame by what was commanded in its step (after each step)."""
+        """Complete the frame by what was commanded in its step (after each step)."""
         if self._pending is None or self.error:
             return
         frame, self._pending = self._pending | {ACTION: self._group.command}, None
@@ -198,7 +198,7 @@ class EpisodeMaker:
         self._world.defer(lambda: self._write(stamp_ns, frame))
 
     def _write(self, stamp_ns: int, frame: dict[str, Any]) -> None:
-        """Draws a frame and writes it, while the physics waits (without the lock)."""
+        """Draw a frame and write it, while the physics waits (without the lock)."""
         if self.error or self._closed or self._world.physics.time_s < self._last_s:
             return  # a frame whose step has diverged ends no episode
         try:
@@ -231,7 +231,7 @@ class EpisodeMaker:
         self._start(None)
 
     def open(self) -> None:
-        """Makes the renderers; on the thread of the physics, to which OpenGL binds them."""
+        """Make the renderers; on the thread of the physics, to which OpenGL binds them."""
         settings, model = self._settings, self._world.physics.model
         try:
             for camera in settings.cameras:

@@ -39,12 +39,12 @@ class Following(ABC):
         self._unhook = world.before_step(self._move)
 
     def close(self) -> None:
-        """Lets the model go."""
+        """Let the model go."""
         self._unhook()
 
     @abstractmethod
     def _move(self, physics: Physics) -> None:
-        """Moves the joints that have a goal (before each step and under the lock)."""
+        """Move the joints that have a goal (before each step and under the lock)."""
 
     def _warn(self, topic: str, text: str) -> None:
         if f"{topic}{text}" not in self._warned:
@@ -70,7 +70,7 @@ class Mirror(Following):
         super().__init__(world, context, [mapping.mujoco_actuator for mapping in self._mappings])
 
     def subscribe(self) -> None:
-        """Subscribes to each topic once, with the quality of service that the plan gives it."""
+        """Subscribe to each topic once, with the quality of service that the plan gives it."""
         planned = {topic.name: topic for topic in self._context.spec.subscriptions}
         for topic in dict.fromkeys(mapping.ros_topic for mapping in self._mappings):
             name = topic if topic.startswith(("/", "~")) else f"/{topic}"
@@ -98,7 +98,7 @@ class Mirror(Following):
         return take
 
     def _take(self, message: Any, rows: list[tuple[int, TopicMapping]]) -> None:
-        """Reads the joints of a message (transport thread)."""
+        """Read the joints of a message (transport thread)."""
         names = list(message.name)
         values = self._goal.copy()
         for index, mapping in rows:
@@ -124,7 +124,7 @@ class Mirror(Following):
                 self._move(self._world.physics)
 
     def _move(self, physics: Physics) -> None:
-        """Puts the joints where the last messages say."""
+        """Put the joints where the last messages say."""
         del physics
         known = np.isfinite(self._goal)
         if not known.any():
@@ -142,12 +142,12 @@ class Commands(Following):
     """Drives all actuators of the model to positions that anybody sends on ``~/joint_commands``."""
 
     def subscribe(self) -> None:
-        """Subscribes to the topic."""
+        """Subscribe to the topic."""
         spec = TopicSpec(name="~/joint_commands", type_name=JOINT_STATE)
         self._context.subscribe(spec, self._take)
 
     def _take(self, message: Any, received_ns: int) -> None:
-        """Reads a message (transport thread); what is unknown or no number is named and left out."""
+        """Read a message (transport thread); what is unknown or no number is named and left out."""
         del received_ns
         goal = self._goal.copy()
         for name, value in zip(message.name, message.position, strict=False):

@@ -46,21 +46,21 @@ class Hand:
         self._force: FloatArray = np.zeros(physics.model.nv)
 
     def follow(self, paths: Mapping[int, Path]) -> None:
-        """Takes hold of all joints, and moves some: paths in radians of the model from now on."""
+        """Take hold of all joints, and move some: paths in radians of the model from now on."""
         self._still = self._group.position_rad
         self._paths, self._elapsed_s, self._left_s = paths, 0.0, LOOK_S
 
     def looked_at(self) -> None:
-        """Says that somebody has seen where the joints are."""
+        """Say that somebody has seen where the joints are."""
         self._left_s = LOOK_S
 
     def let_go(self, physics: Physics) -> None:
-        """Lets all joints go."""
+        """Let all joints go."""
         self._still, self._paths = None, {}
         physics.data.qfrc_applied[self._dofs] = 0.0
 
     def push(self, physics: Physics) -> None:
-        """Applies the forces, before each step and under the lock."""
+        """Apply the forces, before each step and under the lock."""
         if self._still is None:
             return
         data, elapsed_s, step_s = physics.data, self._elapsed_s, physics.timestep_s

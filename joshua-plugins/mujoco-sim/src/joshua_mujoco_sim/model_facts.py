@@ -62,7 +62,7 @@ def facts_of(simulation: Mapping[str, Any]) -> ModelFacts:
 
 @lru_cache(maxsize=8)
 def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...]) -> ModelFacts:
-    """Compiles a model for what it has. Raises FieldError if it is missing or malformed."""
+    """Compile a model for what it has. Raises FieldError if it is missing or malformed."""
     try:
         check_variable()
     except RenderingError as error:
@@ -96,7 +96,7 @@ def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...
 
 
 def known_name(field: str, what: str, name: str, known: Sequence[str]) -> None:
-    """Refuses an unknown name of the model. Raises FieldError with the nearest name first."""
+    """Refuse an unknown name of the model. Raises FieldError with the nearest name first."""
     if name in known:
         return
     near = get_close_matches(name, known, n=3, cutoff=0.5)

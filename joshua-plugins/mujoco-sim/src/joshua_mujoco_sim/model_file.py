@@ -20,7 +20,7 @@ class ModelError(Exception):
 
 
 def model_file(model_path: str, folder: Path | None = None) -> Path:
-    """Finds the file that ``model_path`` names.
+    """Find the file that ``model_path`` names.
 
     Args:
         model_path: name of a packaged model, or a path of an MJCF or URDF file.
@@ -62,7 +62,7 @@ class Attachment:
 def load_model(
     model_path: str, folder: Path | None = None, attached: Sequence[Attachment] = ()
 ) -> mujoco.MjModel:
-    """Compiles the model that ``model_path`` names, with others put into its scene.
+    """Compile the model that ``model_path`` names, with others put into its scene.
 
     Raises:
         ModelError: the file is missing or malformed; says the line where MuJoCo knows it.

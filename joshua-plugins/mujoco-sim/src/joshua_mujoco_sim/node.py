@@ -66,7 +66,7 @@ class SimulatorNode(Simulator):
         self._reported = 0
 
     def configure(self) -> None:
-        """Loads the model and declares the topics. Raises DeviceError."""
+        """Load the model and declare the topics. Raises DeviceError."""
         spec = self.context.spec
         settings = SimulationSettings.model_validate(spec.settings)
         try:
@@ -107,7 +107,7 @@ class SimulatorNode(Simulator):
         return (self, Controls(lambda: self._running()[0]), *filter(None, (shown,)))
 
     def activate(self) -> None:
-        """Lets time run."""
+        """Let time run."""
         world, settings = self._running()
         if self._replay is not None:
             self._replayed_s = time.monotonic()
@@ -127,7 +127,7 @@ class SimulatorNode(Simulator):
         self.context.create_timer(WATCH_PERIOD_S, self._watch, name="watch")
 
     def cleanup(self) -> None:
-        """Ends the physics, unless devices of this process still use it."""
+        """End the physics, unless devices of this process still use it."""
         if self._window is not None:
             self._window.close()
         for part in (self._clock, self._commands, self._coupling):

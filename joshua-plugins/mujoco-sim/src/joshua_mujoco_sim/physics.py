@@ -22,7 +22,7 @@ VELOCITY_LIMIT_RAD_S = 1e4
 
 
 def _note(text: str) -> None:
-    """Takes MuJoCo's warnings, which it would else write into a file of the current folder."""
+    """Take MuJoCo's warnings, which it would else write into a file of the current folder."""
     logging.getLogger("joshua.mujoco").debug("%s", text)
 
 
@@ -95,7 +95,7 @@ class Physics:
         return float(self.model.opt.timestep)
 
     def reset(self, start: int | None = None) -> None:
-        """Puts the model back to its start, time zero.
+        """Put the model back to its start, time zero.
 
         Args:
             start: which start of a varied scene, from 0; None takes the next one.
@@ -120,12 +120,12 @@ class Physics:
         self._begin = (group, np.array(position))
 
     def step(self, count: int = 1) -> None:
-        """Steps. Raises DivergenceError."""
+        """Step. Raises DivergenceError."""
         mujoco.mj_step(self.model, self.data, count)
         self.check()
 
     def check(self) -> None:
-        """Raises DivergenceError if a speed is not finite or absurd, as it is after any bad state."""
+        """Raise DivergenceError if a speed is not finite or absurd, as it is after any bad state."""
         speed = self._speed
         np.abs(self.data.qvel, out=speed)
         if not speed.max(initial=0.0) < VELOCITY_LIMIT_RAD_S:  # also where it is NaN
@@ -136,7 +136,7 @@ class Physics:
         return ActuatorGroup(self, actuators)
 
     def _take_from_keyframe(self, key: int, prefix: str) -> None:
-        """Puts the joints and actuators under a prefix where a keyframe has them."""
+        """Put the joints and actuators under a prefix where a keyframe has them."""
         model, data = self.model, self.data
         for index in range(model.njnt):
             if model.joint(index).name.startswith(prefix):
@@ -260,11 +260,11 @@ class ActuatorGroup:
         return np.asarray(-force / model.actuator_gainprm[ids, 0])
 
     def set_command(self, values: FloatArray) -> None:
-        """Tells the actuators where to go, shape (N,); limits of the model hold."""
+        """Tell the actuators where to go, shape (N,); limits of the model hold."""
         self._data.ctrl[self._ctrl] = values
 
     def set_position(self, values: FloatArray) -> None:
-        """Puts the joints somewhere, at rest, shape (N,); the caller runs ``mj_forward`` when all is set."""
+        """Put the joints somewhere, at rest, shape (N,); the caller runs ``mj_forward`` when all is set."""
         self._data.qpos[self._qpos] = values
         self._data.qvel[self._dof] = 0.0
 

@@ -21,7 +21,7 @@ ENVIRONMENTS = (
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the simulator and the devices that are part of it."""
+    """Name the simulator and the devices that are part of it."""
     return [
         SimulatorSpec(
             block="simulation",

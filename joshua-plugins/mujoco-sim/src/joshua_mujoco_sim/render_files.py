@@ -23,10 +23,10 @@ class PictureWriter(ABC):
 
     @abstractmethod
     def write(self, picture: Picture) -> None:
-        """Writes one picture of shape (H, W, 3), RGB. Raises OSError."""
+        """Write one picture of shape (H, W, 3), RGB. Raises OSError."""
 
     def close(self) -> None:
-        """Completes the file. Raises OSError."""
+        """Complete the file. Raises OSError."""
 
 
 class PngWriter(PictureWriter):
@@ -37,7 +37,7 @@ class PngWriter(PictureWriter):
         self._number = 0
 
     def write(self, picture: Picture) -> None:
-        """Writes one file."""
+        """Write one file."""
         name = self._pattern.name % self._number
         Image.fromarray(picture).save(self._pattern.with_name(name), format="PNG", compress_level=1)
         self._number += 1
@@ -73,12 +73,12 @@ class VideoWriter(PictureWriter):
             raise OSError(f"{path}: {error}") from error
 
     def write(self, picture: Picture) -> None:
-        """Encodes one picture."""
+        """Encode one picture."""
         even = picture[: self._stream.height, : self._stream.width]
         self._encode(self._frame.from_ndarray(even, format="rgb24"))
 
     def close(self) -> None:
-        """Writes what is left, and the index."""
+        """Write what is left, and the index."""
         try:
             self._encode(None)
         finally:
@@ -133,11 +133,11 @@ class RenderFile:
         return self._render.output
 
     def begin(self) -> None:
-        """Draws from now on; after ``open``."""
+        """Draw from now on; after ``open``."""
         self._unhook = self._world.before_step(self._look)
 
     def close(self) -> None:
-        """Completes the file; after the physics has stopped."""
+        """Complete the file; after the physics has stopped."""
         if self._unhook is not None:
             self._unhook()
         self._closed = True
@@ -147,7 +147,7 @@ class RenderFile:
             self.error = self.error or f"{self._render.output}: {error}"
 
     def open(self) -> None:
-        """Makes the renderer; on the thread of the physics, to which OpenGL binds it."""
+        """Make the renderer; on the thread of the physics, to which OpenGL binds it."""
         size = self._render
         try:
             self._renderer = CameraRenderer(

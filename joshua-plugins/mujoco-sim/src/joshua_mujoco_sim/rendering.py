@@ -21,7 +21,7 @@ _making = threading.Lock()
 
 
 def _open_context(width: int, height: int) -> Any:
-    """Makes an OpenGL context and makes it the thread's own. Raises RenderingError."""
+    """Make an OpenGL context and make it the thread's own. Raises RenderingError."""
     name = choose_gl()
     try:
         if name == "egl":
@@ -92,7 +92,7 @@ class CameraRenderer:
         return height, width, colours
 
     def look(self, data: mujoco.MjData) -> None:
-        """Takes in the state of the model; short, so that it can be done while the physics waits."""
+        """Take in the state of the model; short, so that it can be done while the physics waits."""
         mujoco.mjv_updateScene(
             self._model,
             data,
@@ -104,14 +104,14 @@ class CameraRenderer:
         )
 
     def draw(self) -> Picture:
-        """Draws what ``look`` took in: a new picture of shape (H, W, 3), RGB."""
+        """Draw what ``look`` took in: a new picture of shape (H, W, 3), RGB."""
         self._gl.make_current()
         mujoco.mjr_render(self._area, self._scene, self._context)
         mujoco.mjr_readPixels(self._pixels, None, self._area, self._context)
         return np.ascontiguousarray(self._pixels[::-1])  # OpenGL counts rows from below
 
     def close(self) -> None:
-        """Frees the OpenGL context. Idempotent."""
+        """Free the OpenGL context. Idempotent."""
         gl, self._gl = self._gl, None
         if gl is not None:
             gl.make_current()

@@ -69,7 +69,7 @@ class Replay:
         return self._group
 
     def advance(self, elapsed_s: float, *, most: int = 2000) -> None:
-        """Places every sample that is due.
+        """Place every sample that is due.
 
         Args:
             elapsed_s: wall time since the last call.

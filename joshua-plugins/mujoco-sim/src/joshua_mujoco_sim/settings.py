@@ -106,7 +106,7 @@ class SimulationSettings(BlockSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Adds the folder of the configuration, and the data set that is replayed or made."""
+        """Add the folder of the configuration, and the data set that is replayed or made."""
         result = super().si_values(values, node, context)
         result |= {"folder": context.folder, "examining": True}
         result["launching"] = context.launch
@@ -244,7 +244,7 @@ class SimActuatorSettings(ActuatorSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Takes all actuators where none is named, and adds their joints and their calibration."""
+        """Take all actuators where none is named, and add their joints and their calibration."""
         result = super().si_values(values, node, context)
         if context.calibration is not None:
             result["calibration"] = ArmCalibration.values_of(context.calibration)
@@ -343,7 +343,7 @@ class SimCameraSettings(BlockSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Adds the cameras that the model has."""
+        """Add the cameras that the model has."""
         result = super().si_values(values, node, context)
         if simulation := context.simulation:
             result["cameras"] = facts_of(simulation).cameras

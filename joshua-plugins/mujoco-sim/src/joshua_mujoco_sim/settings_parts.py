@@ -81,7 +81,7 @@ class VariationSettings(BaseModel):
 
 
 def check_picture_keys(cameras: Sequence[str]) -> None:
-    """Refuses cameras whose pictures would go into one file. Raises FieldError."""
+    """Refuse cameras whose pictures would go into one file. Raises FieldError."""
     keys = [camera_key(camera) for camera in cameras]
     for index, (camera, key) in enumerate(zip(cameras, keys, strict=True)):
         other = cameras[keys.index(key)]
@@ -95,7 +95,7 @@ def check_picture_keys(cameras: Sequence[str]) -> None:
 
 
 def check_frames(field: str, fps: int, timestep_s: float) -> None:
-    """Refuses more frames than the physics has states, whose times would be wrong. Raises FieldError."""
+    """Refuse more frames than the physics has states, whose times would be wrong. Raises FieldError."""
     most = int(1 / timestep_s + 1e-6)
     if fps > most:
         raise FieldError(
@@ -107,7 +107,7 @@ def check_frames(field: str, fps: int, timestep_s: float) -> None:
 
 
 def check_outputs(outputs: Sequence[str]) -> None:
-    """Refuses two cameras that are written into one file. Raises FieldError."""
+    """Refuse two cameras that are written into one file. Raises FieldError."""
     for index, output in enumerate(outputs):
         if output in outputs[:index]:
             raise FieldError(
@@ -118,7 +118,7 @@ def check_outputs(outputs: Sequence[str]) -> None:
 
 
 def check_output(index: int, output: str) -> None:
-    """Refuses a file name that no writer takes. Raises FieldError."""
+    """Refuse a file name that no writer takes. Raises FieldError."""
     field, path = f"renders[{index}].output", Path(output)
     if path.suffix == ".png":
         try:
@@ -150,7 +150,7 @@ def require_pictures(field: str) -> None:
 
 
 def check_recording(path: str, episodes: Sequence[int], unit: str, facts: ModelFacts) -> None:
-    """Refuses a recording that cannot be read or does not fit the model.
+    """Refuse a recording that cannot be read or does not fit the model.
 
     One that is not there yet, is large, or needs an extra is left to the launch. Raises FieldError.
     """

@@ -29,7 +29,7 @@ ARM_SPACING_M = 0.45
 
 
 def simulate(config: Any, devices: Sequence[RealDevice], emulated: bool) -> dict[str, Coupling]:
-    """Replaces real devices by simulated ones.
+    """Replace real devices by simulated ones.
 
     Args:
         config: the file, which is changed; devices: those to stand for.

@@ -16,7 +16,7 @@ _TYPES = {
 
 
 def summarise(model: mujoco.MjModel) -> dict[str, Any]:
-    """Lists named joints with their ranges, actuators, cameras and keyframes; mass in kg, time step in s."""
+    """List named joints with their ranges, actuators, cameras and keyframes; mass in kg, time step in s."""
     joints = []
     for index in range(model.njnt):
         joint = model.joint(index)

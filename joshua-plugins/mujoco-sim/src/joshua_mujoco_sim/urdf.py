@@ -31,7 +31,7 @@ def is_urdf(path: Path) -> bool:
 
 
 def read_urdf(path: Path) -> mujoco.MjSpec:
-    """Reads a URDF file and adds a position drive for each joint, named after it, a light and a camera.
+    """Read a URDF file and add a position drive for each joint, named after it, a light and a camera.
 
     Args:
         path: of the file.
@@ -113,7 +113,7 @@ def _add_sky(spec: mujoco.MjSpec) -> None:
 
 
 def _add_camera(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
-    """Looks from the front, a little from above and aside, at the middle of the model."""
+    """Look from the front, a little from above and aside, at the middle of the model."""
     back = np.array([1.0, -1.0, 0.7])
     back /= np.linalg.norm(back)
     right = np.cross([0.0, 0.0, 1.0], back)

@@ -50,7 +50,7 @@ class Varier:
         self._free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
 
     def apply(self, data: mujoco.MjData, start: int) -> None:
-        """Varies a state that was just reset; the caller runs ``mj_forward``.
+        """Vary a state that was just reset; the caller runs ``mj_forward``.
 
         Args:
             data: of the model; start: which one it is, from 0.

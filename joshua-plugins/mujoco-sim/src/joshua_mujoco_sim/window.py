@@ -28,7 +28,7 @@ class WindowError(Exception):
 
 
 def check_display() -> None:
-    """Looks for a screen without opening a window. Raises WindowError."""
+    """Look for a screen without opening a window. Raises WindowError."""
     if sys.platform == "darwin":
         raise WindowError(
             "on macOS the viewer needs the main thread of mjpython, which no child process has: "
@@ -85,7 +85,7 @@ class Window:
         return bool(self._handle.is_running())
 
     def show(self) -> None:
-        """Shows the present state, and takes in what the person pulls at."""
+        """Show the present state, and take in what the person pulls at."""
         now_s = time.monotonic()
         if now_s - self._texts_s > 0.5:
             self._texts_s = now_s
@@ -94,7 +94,7 @@ class Window:
             self._handle.sync()
 
     def close(self) -> None:
-        """Closes the window. Idempotent."""
+        """Close the window. Idempotent."""
         with contextlib.suppress(RuntimeError):  # the person was faster
             self._handle.close()
 

@@ -54,7 +54,7 @@ class Pacer:
         self.restart()
 
     def restart(self) -> None:
-        """Starts to count now, as after a pause."""
+        """Start to count now, as after a pause."""
         self._origin_s = self._clock()
         self._steps = 0
 
@@ -144,11 +144,11 @@ class World:
         self._asked: tuple[float, float] | None = None
 
     def before_step(self, hook: Hook) -> Callable[[], None]:
-        """Calls ``hook`` under the lock before each step. Returns how to end that."""
+        """Call ``hook`` under the lock before each step. Return how to end that."""
         return self._hooked(self._before, hook, len(self._before))
 
     def after_step(self, hook: Hook, *, first: bool = False) -> Callable[[], None]:
-        """Calls ``hook`` under the lock after each step. Returns how to end that. It must be short.
+        """Call ``hook`` under the lock after each step. Return how to end that. It must be short.
 
         Args:
             hook: what is called; first: before all the others that are there.
@@ -156,14 +156,14 @@ class World:
         return self._hooked(self._after, hook, 0 if first else len(self._after))
 
     def defer(self, job: Callable[[], None]) -> None:
-        """Has the stepping thread do something before its next step, without the lock.
+        """Have the stepping thread do something before its next step, without the lock.
 
         For what takes long, such as drawing: the physics waits, and devices still read and command.
         """
         self._jobs.append(job)
 
     def call(self, job: Callable[[], None]) -> None:
-        """Has the running stepping thread do something, and waits until it is done."""
+        """Have the running stepping thread do something, and wait until it is done."""
         done = threading.Event()
 
         def run() -> None:
@@ -178,12 +178,12 @@ class World:
 
     @contextlib.contextmanager
     def quiet(self) -> Iterator[None]:
-        """Holds the lock while no deferred job runs."""
+        """Hold the lock while no deferred job runs."""
         with self._jobs_lock, self.lock:
             yield
 
     def start(self) -> None:
-        """Starts to step. Idempotent."""
+        """Start to step. Idempotent."""
         if self._thread is not None:
             return
         self._started_s = time.monotonic()
@@ -192,7 +192,7 @@ class World:
         self._thread.start()
 
     def close(self) -> None:
-        """Ends the thread. Idempotent."""
+        """End the thread. Idempotent."""
         self._stop.set()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join()
@@ -203,25 +203,25 @@ class World:
         return self._paused
 
     def pause(self) -> None:
-        """Lets time stand still: no step is done after the return."""
+        """Let time stand still: no step is done after the return."""
         with self.lock:
             self._paused = True
             self._epoch += 1
 
     def resume(self) -> None:
-        """Lets time run on."""
+        """Let time run on."""
         with self.lock:
             self._paused = False
             self._epoch += 1
             self._pacer.restart()
 
     def step_paused(self, count: int) -> None:
-        """Does some steps while paused."""
+        """Do some steps while paused."""
         with self.lock:
             self._steps_left += count
 
     def reset(self) -> None:
-        """Puts the model back to its start."""
+        """Put the model back to its start."""
         with self.lock:
             self.physics.reset()
 
@@ -261,7 +261,7 @@ class World:
             return due, self._epoch
 
     def advance(self, count: int) -> None:
-        """Does some steps at once, with all hooks and deferred jobs; the caller holds ``lock``."""
+        """Do some steps at once, with all hooks and deferred jobs; the caller holds ``lock``."""
         self._do_jobs()
         while count > 0 and not self.failure:
             count -= self._steps(count)
@@ -273,7 +273,7 @@ class World:
                 self._jobs.popleft()()
 
     def _steps(self, count: int) -> int:
-        """Does steps until ``count`` or until a job is deferred. Returns how many; under the lock."""
+        """Do steps until ``count`` or until a job is deferred. Return how many; under the lock."""
         physics = self.physics
         done = 0
         try:
@@ -331,7 +331,7 @@ def shared_world(settings: WorldSettings) -> World:
 
 
 def leave_world(world: World) -> None:
-    """Gives a shared world back; the last one closes it."""
+    """Give a shared world back; the last one closes it."""
     with _shared_lock:
         held, users = _shared.get(world.settings, (world, 1))
         if held is not world:

@@ -144,7 +144,7 @@ class SpikeActuator(Actuator):
             self._remember(self._map.radians(state.angles_deg), state.angles_deg)
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
-        """Commands positions, shape (N,). Returns what was written after clamp, rate limit and rounding.
+        """Command positions, shape (N,). Return what was written after clamp, rate limit and rounding.
 
         The motors take whole degrees. Where the link is slower than the caller, the newest goal is sent.
 

@@ -57,4 +57,4 @@ class SpikeCalibrationTarget(CalibrationTarget):
         return None
 
     def store(self, motor_id: int, values: StoredMotor) -> None:
-        """Does nothing: there is no place for it in the motors."""
+        """Do nothing: there is no place for it in the motors."""

@@ -139,7 +139,7 @@ class HubClient:
             return session.latest
 
     def order(self, kind: str) -> HubState:
-        """Has the hub do something now. Raises LinkLost, ProgramFailed."""
+        """Have the hub do something now. Raises LinkLost, ProgramFailed."""
         session = self.session
         assert self._thread is not None
         try:

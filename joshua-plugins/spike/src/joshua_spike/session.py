@@ -121,7 +121,7 @@ class HubSession:
         await self.link.close()
 
     async def order(self, kind: str) -> HubState:
-        """Has the hub do something now, and returns its state afterwards. Raises LinkLost, ProgramFailed."""
+        """Have the hub do something now, and return its state afterwards. Raises LinkLost, ProgramFailed."""
         if kind != "E":
             self._targets = None
         line = await self._ask(Line(kind, 0), "S", REPLY_TIMEOUT_S, ORDER_ATTEMPTS)

@@ -125,7 +125,7 @@ class GamepadNode(InputNode):
             self.context.log.warning("the gamepad sends no data: all controls count as released")
 
     def _lose(self, error: DeviceDisconnected) -> None:
-        """Stop whatever moves, says so to those who hear the Joy, and let them hear nothing more."""
+        """Stop whatever moves, say so to those who hear the Joy, and let them hear nothing more."""
         self.release()
         self._losses += 1
         if self._reading is not None:

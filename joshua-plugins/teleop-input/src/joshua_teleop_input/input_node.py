@@ -100,7 +100,7 @@ class InputNode(NodeBehaviour):
                     publisher.publish(joint_state([], []))
 
     def release(self) -> bool:
-        """Everything counts as released, and driving as switched off. Returns whether it was on."""
+        """Everything counts as released, and driving as switched off. Return whether it was on."""
         with self._lock:
             was = self.drive.release()
             self._command()

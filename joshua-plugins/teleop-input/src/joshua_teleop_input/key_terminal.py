@@ -55,7 +55,7 @@ class KeyTerminal:
             raise
 
     def report_releases(self) -> None:
-        """Has the terminal report releases, after it has said that it can."""
+        """Have the terminal report releases, after it has said that it can."""
         if not self._reports:
             self._reports = True
             os.write(self._descriptor, _ON)
@@ -76,7 +76,7 @@ class KeyTerminal:
         return data
 
     def interrupt(self) -> None:
-        """Does what the terminal does itself at Ctrl-C while it hands out characters."""
+        """Do what the terminal does itself at Ctrl-C while it hands out characters."""
         os.killpg(os.tcgetpgrp(self._descriptor), signal.SIGINT)
 
     def close(self) -> None:

@@ -68,7 +68,7 @@ class RemoteDevice:
         self._heard_s = self._awake.now_s()
 
     def grab(self) -> None:
-        """Does nothing: the sender holds the device."""
+        """Do nothing: the sender holds the device."""
 
     def read(self, timeout_s: float) -> list[InputEvent]:
         """Wait for records. Raises DeviceDisconnected."""

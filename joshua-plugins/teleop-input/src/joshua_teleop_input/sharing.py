@@ -56,7 +56,7 @@ class GamepadShare:
         return len(self._clients)
 
     def serve(self, device: EventDevice, now: Capabilities) -> Capabilities:
-        """One turn: takes what the device says and hands it over; returns where everything stands now.
+        """One turn: take what the device says and hand it over; return where everything stands now.
 
         Raises:
             DeviceDisconnected: the gamepad is gone; everybody was cut off.

@@ -22,11 +22,11 @@ class Gripper(Actuator):
         return self.settings.speed_rad_s
 
     def connect(self) -> None:
-        """Opens the gripper's link."""
+        """Open the gripper's link."""
         self.connected, self._moved_s = True, time.monotonic()
 
     def read(self) -> JointReading:
-        """Reads position, speed and effort."""
+        """Read position, speed and effort."""
         self.require_connected("read")
         direction, speed = np.sign([self._move()]), self.settings.speed_rad_s
         return JointReading(
@@ -34,12 +34,12 @@ class Gripper(Actuator):
         )
 
     def enable(self) -> None:
-        """Gives torque, with the goal where the finger is."""
+        """Give torque, with the goal where the finger is."""
         self.hold()
         self._energised = True
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
-        """Commands a position; returns it after the clamp."""
+        """Command a position; return it after the clamp."""
         goal = self.limits.clip(self.checked_goal(goal_rad))
         if not self._energised:
             raise DeviceError("the gripper has no torque: call enable first")
@@ -48,21 +48,21 @@ class Gripper(Actuator):
         return goal
 
     def hold(self) -> None:
-        """Stops where the finger is."""
+        """Stop where the finger is."""
         self.require_connected("hold")
         self._move()
         self._goal = self._position
 
     def release(self) -> None:
-        """Takes torque off."""
+        """Take torque off."""
         self._energised, self._goal = False, self._position
 
     def disconnect(self) -> None:
-        """Closes the link."""
+        """Close the link."""
         self.connected = self._energised = False
 
     def _move(self) -> float:
-        """Moves the finger to where it is by now. Returns the way that is left."""
+        """Move the finger to where it is by now. Return the way that is left."""
         elapsed_s, self._moved_s = time.monotonic() - self._moved_s, time.monotonic()
         step = self.settings.speed_rad_s * elapsed_s
         self._position += float(np.clip(self._goal - self._position, -step, step))

@@ -5,7 +5,7 @@ from joshua.api import ActuatorSpec, PluginSpec, hookimpl
 
 @hookimpl
 def joshua_specs() -> list[PluginSpec]:
-    """Names the gripper."""
+    """Name the gripper."""
     return [
         ActuatorSpec(
             block="acme.GripperConfig",

@@ -35,7 +35,7 @@ class PageFrontEnd(FrontEnd):
         return not self._closed
 
     def show(self, board: Board) -> None:
-        """Sends the board to every page that is open."""
+        """Send the board to every page that is open."""
         self._server.channel.put(board)
 
     def say(self, text: str) -> None:
@@ -49,7 +49,7 @@ class PageFrontEnd(FrontEnd):
         return found
 
     def close(self) -> None:
-        """Lets pages have the last board, then stops the server."""
+        """Let pages have the last board, then stop the server."""
         if not self._closed:
             self._closed = True
             self._server.channel.close()

@@ -54,7 +54,7 @@ class Channel:
         self._closed = False
 
     def put(self, board: Board) -> None:
-        """Takes the newest board; what is the same as before wakes nobody."""
+        """Take the newest board; what is the same as before wakes nobody."""
         text = json.dumps(asdict(board), separators=(",", ":"))
         with self._changed:
             if text != self._text:
@@ -62,7 +62,7 @@ class Channel:
                 self._changed.notify_all()
 
     def newer(self, number: int, timeout_s: float) -> tuple[int, str] | None:
-        """Waits for a board after ``number``; None at the end of the time, or of everything."""
+        """Wait for a board after ``number``; None at the end of the time, or of everything."""
         with self._changed:
             self._changed.wait_for(lambda: self._number > number or self._closed, timeout_s)
             return (self._number, self._text) if self._number > number else None
@@ -73,7 +73,7 @@ class Channel:
         return self._closed
 
     def close(self) -> None:
-        """Ends every stream, once it has sent the newest board."""
+        """End every stream, once it has sent the newest board."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
@@ -103,7 +103,7 @@ class PageServer:
         return f"http://{HOST}:{self._server.server_address[1]}/{self._server.openings.new()}"
 
     def close(self) -> None:
-        """Stops serving. Idempotent."""
+        """Stop serving. Idempotent."""
         self.channel.close()
         self._server.shutdown()
         self._server.server_close()
@@ -169,7 +169,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.NOT_FOUND)
 
     def do_POST(self) -> None:
-        """Requests of the page's buttons: an object with ``ask``, and ``joint`` where one is repeated."""
+        """Take a request of the page's buttons: an object with ``ask``, and ``joint`` to repeat one."""
         name = self._permitted_name()
         if name is None:
             return

@@ -43,7 +43,7 @@ def check_calibration_target(
     timeout_s: float = 10.0,
     only: Collection[str] = (),
 ) -> None:
-    """Checks a driver against the contract of ``joshua_calibration.target.CalibrationTarget``.
+    """Check a driver against the contract of ``joshua_calibration.target.CalibrationTarget``.
 
     What the motors keep is overwritten and put back. Nothing gets torque, so an arm may sink: support it.
 
@@ -109,7 +109,7 @@ class _TargetClauses:
 
     @staticmethod
     def use(target: CalibrationTarget) -> None:
-        """Uses a target as a calibration does until its last step."""
+        """Use a target as a calibration does until its last step."""
         target.release()
         target.raw_positions()
         target.stored()
@@ -323,7 +323,7 @@ class _TargetClauses:
                 second.raw_positions()
 
     def _other(self, target: CalibrationTarget) -> TargetFactory:
-        """Makes a new target of the device once the open one has let it go."""
+        """Make a new target of the device once the open one has let it go."""
 
         def make() -> CalibrationTarget:
             target.disconnect()

@@ -107,7 +107,7 @@ def sample_value(motor: TargetMotor, index: int) -> StoredMotor:
 def kept_in_the_end(
     factory: Callable[[], CalibrationTarget], target: CalibrationTarget, old: Sequence[StoredMotor]
 ) -> Iterator[None]:
-    """Puts back what the motors kept before; closes the target. Raises ViolationError."""
+    """Put back what the motors kept before; close the target. Raises ViolationError."""
     try:
         yield
     except BaseException:

@@ -14,7 +14,7 @@ _SIZE = re.compile(r"(\d{1,5})x(\d{1,5})")
 
 
 def add_parser(protocols: Any) -> None:
-    """Adds the options of an emulated camera."""
+    """Add the options of an emulated camera."""
     camera = protocols.add_parser("camera", help="a camera that serves Motion JPEG over HTTP on loopback")
     camera.add_argument("--size", type=_size, default=(640, 480), metavar="WxH", help="size of the pictures")
     camera.add_argument("--fps", type=_rate, default=30.0, help="frames per second")
@@ -31,7 +31,7 @@ def add_parser(protocols: Any) -> None:
 
 
 def make_server(options: argparse.Namespace, root: Path) -> CameraServer:
-    """Makes the camera that the options describe. Raises ControlError and OSError."""
+    """Make the camera that the options describe. Raises ControlError and OSError."""
     from joshua_emulator.camera.frames import FrameSizeError
     from joshua_emulator.camera.operations import CameraOperations
     from joshua_emulator.camera.server import CameraServer

@@ -50,7 +50,7 @@ class Connection:
         return self.socket.fileno()
 
     def receive(self) -> None:
-        """Reads what the client sends, and answers its request once that is whole."""
+        """Read what the client sends, and answer its request once that is whole."""
         try:
             data = self.socket.recv(65_536)
         except BlockingIOError:
@@ -69,7 +69,7 @@ class Connection:
             self._refuse("431 Request Header Fields Too Large", "the request is too long")
 
     def send_frame(self, frame: bytes, number: int, sent: Sent) -> None:
-        """Sends one frame of the stream; ``sent`` is called once its last byte is with the system."""
+        """Send one frame of the stream; ``sent`` is called once its last byte is with the system."""
         self.begun = True
         head = b"--%s\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\nX-Frame-Number: %d\r\n\r\n" % (
             BOUNDARY,
@@ -79,14 +79,14 @@ class Connection:
         self._send(head + frame + b"\r\n", sent)
 
     def send_picture(self, frame: bytes) -> None:
-        """Answers with one picture and ends the connection."""
+        """Answer with one picture and end the connection."""
         self._send(_response("200 OK", "image/jpeg", frame))
         self._close_when_sent = True
         self.wants_picture = False
         self.flush()
 
     def flush(self) -> None:
-        """Sends as much of what waits as the client takes."""
+        """Send as much of what waits as the client takes."""
         while self._queue:
             data, sent = self._queue[0]
             handed_over_s = time.monotonic()
@@ -107,7 +107,7 @@ class Connection:
             self.close()
 
     def close(self) -> None:
-        """Ends the connection. Idempotent."""
+        """End the connection. Idempotent."""
         self.closed = True
         self._queue.clear()
         with contextlib.suppress(OSError):

@@ -44,7 +44,7 @@ def code_bytes(code: FrameCode) -> bytes:
 
 
 def read_code(pixels: npt.NDArray[np.uint8]) -> FrameCode | None:
-    """Reads the code out of a picture of shape (H, W) or (H, W, C); None if there is none."""
+    """Read the code out of a picture of shape (H, W) or (H, W, C); None if there is none."""
     height, width = pixels.shape[:2]
     columns = -(-width // CELL_WIDTH)
     if width < CELL_WIDTH or height < CELL_HEIGHT * -(-CODE_BITS // columns):

@@ -47,7 +47,7 @@ def encode_file(pixels: npt.NDArray[np.uint8]) -> bytes:
 
 
 def encode(pixels: npt.NDArray[np.uint8]) -> EncodedPicture:
-    """Encodes a picture and takes its scan apart."""
+    """Encode a picture and take its scan apart."""
     data = encode_file(pixels)
     start = data.index(_START_OF_SCAN)
     start += 2 + int.from_bytes(data[start + 2 : start + 4], "big")
@@ -60,7 +60,7 @@ def digit_segments() -> tuple[bytes, ...]:
 
 
 def join_segments(segments: tuple[bytes, ...], first: int) -> bytes:
-    """Joins segments, each but the picture's first behind its restart marker.
+    """Join segments, each but the picture's first behind its restart marker.
 
     Args:
         first: index of the first of them in its picture, which numbers the markers.

@@ -43,7 +43,7 @@ class CameraOperations(DeviceOperations):
         }
 
     def at(self, delay_s: float, action: Action) -> None:
-        """Calls ``action`` after a delay, on the loop of the camera."""
+        """Call ``action`` after a delay, on the loop of the camera."""
         self._server.timers.at(delay_s, action)
 
     def _state(self, _: Request) -> dict[str, Any]:
@@ -113,7 +113,7 @@ class CameraOperations(DeviceOperations):
         return lambda: self._server.set_rate(fps)
 
     def _clear_faults(self, _: Request) -> None:
-        """Ends all faults: the camera is plugged in, continues, and has its first size and rate."""
+        """End all faults: the camera is plugged in, continues, and has its first size and rate."""
         server = self._server
         width, height, fps = self._original
         server.faults.clear()

@@ -22,7 +22,7 @@ _GRAIN = 2.5  # standard deviation of the table's grain, which gives frames the 
 
 
 def scene(width: int, height: int) -> list[npt.NDArray[np.uint8]]:
-    """Draws one turn of the scene: arrays of shape (H, W, 3), uint8, RGB; the same ones every time."""
+    """Draw one turn of the scene: arrays of shape (H, W, 3), uint8, RGB; the same ones every time."""
     background = _background(width, height)
     y, x = np.mgrid[0:height, 0:width]
     radius = max(2.0, 0.06 * min(width, height))

@@ -76,7 +76,7 @@ class CameraServer:
         return sum(client.streaming for client in self._clients)
 
     def plug(self) -> None:
-        """Lets clients connect, always at the same port."""
+        """Let clients connect, always at the same port."""
         if self._listener is not None:
             return
         listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
@@ -93,7 +93,7 @@ class CameraServer:
         self.log.add("plug", time.monotonic(), port=self.port)
 
     def unplug(self) -> None:
-        """Cuts all clients off in the middle of what they read; new ones are refused."""
+        """Cut all clients off in the middle of what they read; new ones are refused."""
         if self._listener is not None:
             self._listener.close()
             self._listener = None
@@ -103,22 +103,22 @@ class CameraServer:
         self.log.add("unplug", time.monotonic())
 
     def set_size(self, width: int, height: int) -> None:
-        """Serves pictures of another size from the next frame on. Raises FrameSizeError."""
+        """Serve pictures of another size from the next frame on. Raises FrameSizeError."""
         frame_factory(width, height)
         self.width, self.height = width, height
         self._due_s = time.monotonic()  # preparing the pictures took the time of some frames
 
     def set_rate(self, fps: float) -> None:
-        """Serves another number of frames per second from the next frame on."""
+        """Serve another number of frames per second from the next frame on."""
         self.fps = fps
         self._due_s = time.monotonic() + 1 / fps
 
     def stop(self) -> None:
-        """Ends ``run`` after the present turn."""
+        """End ``run`` after the present turn."""
         self._stopped = True
 
     def run(self, watched: Collection[int] = ()) -> None:
-        """Runs until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
+        """Run until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
         sharpen_timers()
         self._due_s = time.monotonic()
         while not self._stopped:
@@ -133,7 +133,7 @@ class CameraServer:
                 self.control.serve(ready)
 
     def close(self) -> None:
-        """Cuts the clients off and closes the control channel."""
+        """Cut the clients off and close the control channel."""
         self.unplug()
         if self.view is not None:
             self.view.close()
@@ -141,7 +141,7 @@ class CameraServer:
             self.control.close()
 
     def _wait(self, watched: Collection[int]) -> set[int]:
-        """Waits for the next due time and serves clients. Returns the other descriptors that are ready."""
+        """Wait for the next due time and serve clients. Return the other descriptors that are ready."""
         self._clients = [client for client in self._clients if not client.closed]
         deadline_s = min(self._due_s, self.timers.next_s)
         others = [*watched, *(self.control.descriptors() if self.control is not None else ())]
@@ -187,7 +187,7 @@ class CameraServer:
                 client.send_picture(frame_factory(self.width, self.height).frame(code))
 
     def _frame(self, now_s: float) -> None:
-        """Sends the frame that is due to everybody who reads the stream."""
+        """Send the frame that is due to everybody who reads the stream."""
         self.log.delivered(now_s - self._due_s)
         self._due_s += 1 / self.fps
         if now_s - self._due_s > 1 / self.fps:  # this process was stalled: those frames were never taken
@@ -207,7 +207,7 @@ class CameraServer:
             self._deliver(code, dark_picture(self.width, self.height))
 
     def _ask(self, number: int) -> None:
-        """Has the simulation draw a frame, as soon as it has drawn the one before."""
+        """Have the simulation draw a frame, as soon as it has drawn the one before."""
         assert self.view is not None
         self._late = not self.view.ask(self.width, self.height)
         if not self._late:

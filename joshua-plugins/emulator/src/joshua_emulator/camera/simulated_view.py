@@ -48,7 +48,7 @@ class SimulatedView:
         return () if self._link is None else (self._link.fileno(),)
 
     def ask(self, width: int, height: int) -> bool:
-        """Asks for a picture. Returns whether that is on its way from now on.
+        """Ask for a picture. Return whether that is on its way from now on.
 
         It is not while the last one is, and while there is no simulation: that is looked for each time.
         """
@@ -67,7 +67,7 @@ class SimulatedView:
         return True
 
     def receive(self) -> bytes | None:
-        """Takes what has come. Returns a picture once it is whole."""
+        """Take what has come. Return a picture once it is whole."""
         if self._link is None:
             return None
         width, height = self._size
@@ -87,7 +87,7 @@ class SimulatedView:
         return None
 
     def close(self) -> None:
-        """Ends the link. Idempotent."""
+        """End the link. Idempotent."""
         link, self._link = self._link, None
         if link is not None:
             link.close()
@@ -111,7 +111,7 @@ class SimulatedView:
         self._link, self._size = link, (width, height)
 
     def _join(self, packet: bytes) -> None:
-        """Takes the answer to the introduction; why a camera is refused stands in the simulation's log."""
+        """Take the answer to the introduction; why a camera is refused stands in the simulation's log."""
         with contextlib.suppress(ValueError, TypeError):
             self._joined = "error" not in json.loads(packet)
         self.answered = True

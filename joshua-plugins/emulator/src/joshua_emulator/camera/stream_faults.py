@@ -28,14 +28,14 @@ class StreamFaults:
         self.counts = dict.fromkeys(self.KINDS, 0)
 
     def set(self, kind: str, probability: Any) -> None:
-        """Sets the probability of a kind. Raises StreamFaultError."""
+        """Set the probability of a kind. Raises StreamFaultError."""
         number = isinstance(probability, (int, float)) and not isinstance(probability, bool)
         if not number or not 0 <= probability <= 1:
             raise StreamFaultError(f"{kind} is {probability!r}; allowed: a probability from 0 to 1")
         self._probability[kind] = float(probability)
 
     def clear(self) -> None:
-        """Ends all faults; the counts stay."""
+        """End all faults; the counts stay."""
         self._probability = dict.fromkeys(self.KINDS, 0.0)
 
     def describe(self) -> dict[str, float]:
@@ -43,11 +43,11 @@ class StreamFaults:
         return dict(self._probability)
 
     def drops(self) -> bool:
-        """Draws whether a frame is lost."""
+        """Draw whether a frame is lost."""
         return self._draw("drop")
 
     def disturb(self, frame: bytes) -> bytes:
-        """Draws what happens to a frame and returns it as it is sent."""
+        """Draw what happens to a frame and return it as it is sent."""
         if self._draw("corrupt"):
             damaged = bytearray(frame)
             for _ in range(_FLIPPED_BYTES):

@@ -21,7 +21,7 @@ class DynamixelAssembly(BusAssembly[Servo]):
     """An emulated Dynamixel bus; models by name, the last one for all that follow."""
 
     def make_bus(self, servos: Sequence[Servo], faults: Faults) -> DynamixelBus:
-        """Makes the bus of the family's protocol."""
+        """Make the bus of the family's protocol."""
         return DynamixelBus(servos, self.log, faults, echo=self.spec.echo)
 
     def make_servo(
@@ -31,13 +31,13 @@ class DynamixelAssembly(BusAssembly[Servo]):
         stored: bytes | None = None,
         on_eeprom: Callable[[bytes], None] = lambda _: None,
     ) -> Servo:
-        """Makes one servo."""
+        """Make one servo."""
         model = self._model(slot)
         supply = Supply(model.volts if self.spec.volts is None else self.spec.volts)
         return Servo(model, joint, supply, stored, on_eeprom=on_eeprom, on_torque=self.note_torque)
 
     def set_up(self, servo: Servo, servo_id: int, middle: int, half: float) -> bytes:
-        """Gives a servo fresh from the factory its id and the settings of the spec. Returns its EEPROM."""
+        """Give a servo fresh from the factory its id and the settings of the spec. Return its EEPROM."""
         servo.put("id", servo_id)
         servo.put("baudrate", next(code for code, rate in BAUDRATES.items() if rate == self.spec.baudrate))
         servo.put("return_delay", min(254, round(self.spec.return_delay_s / 2e-6)))

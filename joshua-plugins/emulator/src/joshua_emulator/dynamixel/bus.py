@@ -63,7 +63,7 @@ class DynamixelBus(EmulatedServoBus[Servo]):
         return self._transmit([(s, answer) for s, answer in answers if answer is not None], line_speed)
 
     def _execute(self, servo: Servo, packet: InstructionPacket, end_s: float) -> bytes | None:
-        """Carries out an instruction for one servo. Returns its reply, None if it stays silent."""
+        """Carry out an instruction for one servo. Return its reply, None if it stays silent."""
         servo_id, parameters = servo.servo_id, packet.parameters
         level = servo.get("status_level")
         answers = packet.servo_id != BROADCAST_ID and level == 2
@@ -126,7 +126,7 @@ def _pong(servo: Servo) -> bytes:
 
 
 def _change(servo: Servo, packet: InstructionPacket, end_s: float) -> ProtocolError:
-    """Carries out an instruction that changes something."""
+    """Carry out an instruction that changes something."""
     parameters = packet.parameters
     if packet.instruction == Instruction.WRITE:
         return servo.write(_word(parameters), parameters[2:], end_s)

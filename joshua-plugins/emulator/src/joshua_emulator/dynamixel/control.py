@@ -18,7 +18,7 @@ _READ_ONLY = (Area.VERSION, Area.FEEDBACK, Area.FACTORY)
 
 
 def written_registers(servo: Servo, address: int, data: bytes) -> tuple[ProtocolError, dict[Register, int]]:
-    """Registers that a write covers, with their values; or why the servo refuses the whole write."""
+    """Return the registers that a write covers with their values, or why the servo refuses the write."""
     if not data:
         return ProtocolError.DATA_LENGTH, {}
     end = address + len(data)

@@ -114,12 +114,12 @@ class InstructionParser:
         self._skipped = 0
 
     def clear(self) -> None:
-        """Forgets an unfinished packet."""
+        """Forget an unfinished packet."""
         self._buffer.clear()
         self._skipped = 0
 
     def feed(self, data: bytes) -> Iterator[InstructionPacket]:
-        """Adds bytes. Yields each completed packet."""
+        """Add bytes. Yields each completed packet."""
         buffer = self._buffer
         buffer += data
         while True:

@@ -102,7 +102,7 @@ class Servo(EmulatedServo):
         return self.joint.angle + self.direction * (position - self.present())
 
     def read(self, address: int, length: int, now_s: float) -> tuple[ProtocolError, bytes]:
-        """Reads memory; a read that touches an address without a register is refused as a whole."""
+        """Read memory; a read that touches an address without a register is refused as a whole."""
         if not length or not DEFINED.issuperset(range(address, address + length)):
             return ProtocolError.ACCESS, b""
         if address + length > _FEEDBACK[0]:
@@ -110,7 +110,7 @@ class Servo(EmulatedServo):
         return ProtocolError.NONE, bytes(self.memory[address : address + length])
 
     def write(self, address: int, data: bytes, now_s: float) -> ProtocolError:
-        """Writes registers as a host does, all or none of them."""
+        """Write registers as a host does, all or none of them."""
         self.advance(now_s)
         error, written = written_registers(self, address, data)
         if error:
@@ -127,7 +127,7 @@ class Servo(EmulatedServo):
         return ProtocolError.NONE
 
     def power_on(self, now_s: float | None = None) -> None:
-        """Starts as after a power cut or a reboot: the EEPROM stays, torque is off, turns are forgotten."""
+        """Start as after a power cut or a reboot: the EEPROM stays, torque is off, turns are forgotten."""
         for register in TABLE:
             if register.area is Area.RAM:
                 self.put(register.name, register.default)
@@ -142,7 +142,7 @@ class Servo(EmulatedServo):
         self._measure()
 
     def restore_factory_settings(self, *, keep: int = 0) -> None:
-        """Takes factory settings into the EEPROM, except the first ``keep`` of id and baud rate."""
+        """Take factory settings into the EEPROM, except the first ``keep`` of id and baud rate."""
         kept = bytes(self.memory[EEPROM_START : EEPROM_START + keep])
         self._take_factory_settings()
         self.memory[EEPROM_START : EEPROM_START + keep] = kept
@@ -154,7 +154,7 @@ class Servo(EmulatedServo):
         self.put("model_number", self.model.number)
 
     def clear_turns(self, now_s: float) -> ProtocolError:
-        """Counts positions from the present turn again; refused while torque is on."""
+        """Count positions from the present turn again; refused while torque is on."""
         if self._energised:
             return ProtocolError.RESULT_FAIL
         self.advance(now_s)
@@ -163,7 +163,7 @@ class Servo(EmulatedServo):
         return ProtocolError.NONE
 
     def overload(self, now_s: float) -> None:
-        """Trips the overload protection."""
+        """Trip the overload protection."""
         self.advance(now_s)
         self._latched |= Hardware.OVERLOAD
         self._shut_down()

@@ -13,7 +13,7 @@ _PROTOCOLS = ("line", "as5600", "amt21")
 
 
 def add_parser(protocols: Any) -> None:
-    """Adds the options of emulated encoders."""
+    """Add the options of emulated encoders."""
     encoder = protocols.add_parser("encoder", help="rotary encoders on a shaft, on a pseudo-terminal")
     encoder.add_argument("--kind", choices=_PROTOCOLS, default="line", help="what they speak")
     encoder.add_argument("--resolution", type=int, default=4096, help="counts in one revolution")
@@ -37,7 +37,7 @@ def add_parser(protocols: Any) -> None:
 
 
 def make_station(options: argparse.Namespace, root: Path) -> Station:
-    """Makes the encoders that the options describe, plugged in. Raises OSError."""
+    """Make the encoders that the options describe, plugged in. Raises OSError."""
     from joshua_emulator.control import ControlServer
     from joshua_emulator.encoder.device import EncoderDevice
     from joshua_emulator.encoder.operations import EncoderOperations

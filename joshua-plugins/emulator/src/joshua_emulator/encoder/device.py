@@ -88,7 +88,7 @@ class EncoderDevice:
         return sent
 
     def receive(self, data: bytes, line_speed: int, now_s: float) -> list[TimedReply]:
-        """Takes bytes of the host; each AMT21 answers to its address."""
+        """Take bytes of the host; each AMT21 answers to its address."""
         if self.protocol != AMT21 or line_speed != self.baudrate or self.silent:
             return []
         answers = []

@@ -80,7 +80,7 @@ class EncoderOperations(SensorOperations):
         }
 
     def _switch(self, name: str, request: Request) -> Action:
-        """Switches a fault of the device on for ``value`` seconds, or until the faults are cleared."""
+        """Switch a fault of the device on for ``value`` seconds, or until the faults are cleared."""
 
         def switch() -> None:
             setattr(self._device, name, True)
@@ -89,7 +89,7 @@ class EncoderOperations(SensorOperations):
         return self.lasting(name, request, switch, lambda: setattr(self._device, name, False))
 
     def _stall(self, request: Request) -> Action:
-        """Holds the shaft fast for ``value`` seconds, or until the faults are cleared."""
+        """Hold the shaft fast for ``value`` seconds, or until the faults are cleared."""
         shaft = self._device.shaft
 
         def stall() -> None:
@@ -98,12 +98,12 @@ class EncoderOperations(SensorOperations):
         return self.lasting("stall", request, stall, lambda: shaft.release(time.monotonic()))
 
     def _turn(self, request: Request) -> Action:
-        """Lets the shaft turn for ``value`` seconds, then holds it fast."""
+        """Let the shaft turn for ``value`` seconds, then holds it fast."""
         length_s = float(request["value"])
         return lambda: self._device.shaft.release(time.monotonic(), length_s)
 
     def _clear_faults(self, _: Request) -> None:
-        """Ends all faults: the encoders are plugged in, turn and talk as at the start."""
+        """End all faults: the encoders are plugged in, turn and talk as at the start."""
         device = self._device
         self.end_lasting()
         device.faults.clear()

@@ -23,11 +23,11 @@ class Shaft:
     held_s: float | None = None
 
     def hold(self, now_s: float) -> None:
-        """Holds it fast where it is."""
+        """Hold it fast where it is."""
         self.held_s = now_s if self.held_s is None else min(now_s, self.held_s)
 
     def release(self, now_s: float, for_s: float | None = None) -> None:
-        """Lets it go on from where it is; where ``for_s`` says so, for that time only."""
+        """Let it go on from where it is; where ``for_s`` says so, for that time only."""
         if self.held_s is not None:
             self.start_s += max(0.0, now_s - self.held_s)
         self.held_s = None if for_s is None else now_s + for_s

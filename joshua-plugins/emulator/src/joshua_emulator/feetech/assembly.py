@@ -21,7 +21,7 @@ class FeetechAssembly(BusAssembly[Servo]):
         super().__init__(spec)
 
     def make_bus(self, servos: Sequence[Servo], faults: Faults) -> FeetechBus:
-        """Makes the bus of the family's protocol."""
+        """Make the bus of the family's protocol."""
         return FeetechBus(servos, self.log, faults, echo=self.spec.echo)
 
     def make_servo(
@@ -31,14 +31,14 @@ class FeetechAssembly(BusAssembly[Servo]):
         stored: bytes | None = None,
         on_eeprom: Callable[[bytes], None] = lambda _: None,
     ) -> Servo:
-        """Makes one servo."""
+        """Make one servo."""
         servo = Servo(joint, self._supply, stored, on_eeprom=on_eeprom, on_torque=self.note_torque)
         if slot < len(self.spec.models):
             servo.put("model_number", int(self.spec.models[slot]))
         return servo
 
     def set_up(self, servo: Servo, servo_id: int, middle: int, half: float) -> bytes:
-        """Gives a servo fresh from the factory its id and the settings of the spec. Returns its EEPROM."""
+        """Give a servo fresh from the factory its id and the settings of the spec. Return its EEPROM."""
         servo.put("id", servo_id)
         servo.put("baudrate", next(code for code, rate in BAUDRATES.items() if rate == self.spec.baudrate))
         servo.put("return_delay", min(254, round(self.spec.return_delay_s / 2e-6)))

@@ -41,7 +41,7 @@ class FeetechBus(EmulatedServoBus[Servo]):
         return self._transmit([(s, answer) for s, answer in answers if answer is not None], line_speed)
 
     def _execute(self, servo: Servo, packet: InstructionPacket, end_s: float) -> bytes | None:
-        """Carries out an instruction for one servo. Returns its reply, None if it stays silent."""
+        """Carry out an instruction for one servo. Return its reply, None if it stays silent."""
         servo_id = servo.servo_id
         parameters = packet.parameters
         answers = packet.servo_id != BROADCAST_ID and servo.get("status_level") == 1

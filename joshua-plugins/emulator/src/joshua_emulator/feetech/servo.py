@@ -94,13 +94,13 @@ class Servo(EmulatedServo):
         return (round(self.joint.angle) - self.get("homing_offset")) % TICKS_PER_TURN
 
     def read(self, address: int, length: int, now_s: float) -> bytes:
-        """Reads memory; bytes beyond the table are 0."""
+        """Read memory; bytes beyond the table are 0."""
         if address < _FEEDBACK_END and address + length > _FEEDBACK_START:
             self.advance(now_s)
         return bytes(self.memory[address : address + length]).ljust(length, b"\0")
 
     def write(self, address: int, data: bytes, now_s: float) -> None:
-        """Writes registers as a host does: drops read-only ones, locked ones and values out of range."""
+        """Write registers as a host does: drops read-only ones, locked ones and values out of range."""
         self.advance(now_s)
         end = min(address + len(data), MEMORY_SIZE)
         eeprom = self.eeprom
@@ -125,7 +125,7 @@ class Servo(EmulatedServo):
         self._update_drive(now_s)
 
     def power_on(self, now_s: float | None = None) -> None:
-        """Starts as after a power cut: EEPROM stays, everything else is at its default, torque is off.
+        """Start as after a power cut: EEPROM stays, everything else is at its default, torque is off.
 
         Args:
             now_s: when power came back; the servo is silent for a moment from then on.
@@ -145,7 +145,7 @@ class Servo(EmulatedServo):
         self._measure()
 
     def restore(self, now_s: float) -> None:
-        """Takes factory settings into the EEPROM; the id stays, so that the servo is found again."""
+        """Take factory settings into the EEPROM; the id stays, so that the servo is found again."""
         servo_id = self.servo_id
         self.memory[EEPROM_START:EEPROM_END] = factory_memory()[EEPROM_START:EEPROM_END]
         self.memory[5] = servo_id
@@ -153,7 +153,7 @@ class Servo(EmulatedServo):
         self.power_on(now_s)
 
     def calibrate(self, position: int, now_s: float) -> None:
-        """Sets the homing offset so that the present position becomes ``position``; ignores the lock.
+        """Set the homing offset so that the present position becomes ``position``; ignore the lock.
 
         The register holds ±2047 ticks; an offset beyond that is cut to it.
         """
@@ -168,14 +168,14 @@ class Servo(EmulatedServo):
         self._update_drive(now_s)
 
     def trip(self, bits: int, now_s: float) -> None:
-        """Latches status bits as a protection does."""
+        """Latch status bits as a protection does."""
         self.advance(now_s)
         self._faults |= bits
         self._update_drive(now_s)
         self._measure()
 
     def overload(self, now_s: float) -> None:
-        """Trips the overload protection."""
+        """Trip the overload protection."""
         self.trip(Status.OVERLOAD, now_s)
 
     def calibration(self) -> dict[str, Any]:
@@ -240,7 +240,7 @@ class Servo(EmulatedServo):
         )
 
     def _retarget(self, written: Collection[str]) -> None:
-        """Works out where the shaft is to go after registers that say so were written."""
+        """Work out where the shaft is to go after registers that say so were written."""
         if self.get("mode") == 0:
             self._target = self.angle_of(self._limited(self.get("goal_position")))
         elif "goal_position" in written:

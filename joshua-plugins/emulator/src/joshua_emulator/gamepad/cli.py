@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def add_parser(protocols: Any) -> None:
-    """Adds the options of an emulated gamepad."""
+    """Add the options of an emulated gamepad."""
     pad = protocols.add_parser("gamepad", help="a gamepad whose records come from a UNIX socket")
     pad.add_argument("--rate", type=_rate, default=125.0, help="reports per second")
     pad.add_argument("--motion", default="", help="what moves it: demonstration")
@@ -25,7 +25,7 @@ def add_parser(protocols: Any) -> None:
 
 
 def make_server(options: argparse.Namespace, root: Path) -> GamepadServer:
-    """Makes the gamepad that the options describe. Raises ControlError and OSError."""
+    """Make the gamepad that the options describe. Raises ControlError and OSError."""
     from joshua_emulator.control import ControlServer
     from joshua_emulator.event_log import EventLog
     from joshua_emulator.gamepad.operations import GamepadOperations

@@ -15,12 +15,12 @@ class GamepadEmulator(ProcessEmulator):
     """A gamepad behind a UNIX socket, moved in place of the person who would."""
 
     def make_process(self, block: Any, folder: Path) -> EmulatedGamepad:
-        """Makes the gamepad; a gamepad remembers nothing."""
+        """Make the gamepad; a gamepad remembers nothing."""
         del block, folder
         return EmulatedGamepad(motion="demonstration", fault=list(self.device.faults))
 
     def amend(self, block: Message) -> None:
-        """Puts the socket in place of the device."""
+        """Put the socket in place of the device."""
         block.device = self._process.device  # type: ignore[attr-defined]
 
     @property

@@ -45,7 +45,7 @@ class GamepadOperations(DeviceOperations):
         }
 
     def at(self, delay_s: float, action: Action) -> None:
-        """Calls ``action`` after a delay, on the loop of the gamepad."""
+        """Call ``action`` after a delay, on the loop of the gamepad."""
         self._server.timers.at(delay_s, action)
 
     def _state(self, _: Request) -> dict[str, Any]:
@@ -63,7 +63,7 @@ class GamepadOperations(DeviceOperations):
         }
 
     def _set(self, request: Request) -> None:
-        """Moves axes and buttons by name; everything else stays."""
+        """Move axes and buttons by name; everything else stays."""
         for name, value in request["values"].items():
             if name not in NAMES:
                 raise ControlError(f"unknown axis or button {name!r}; allowed: {', '.join(NAMES)}")
@@ -77,7 +77,7 @@ class GamepadOperations(DeviceOperations):
                 self._server.axes[name] = float(value)
 
     def _motion(self, request: Request) -> None:
-        """Lets a hand move it, or ends that with the kind ""."""
+        """Let a hand move it, or end that with the kind ""."""
         kind = request["kind"]
         if kind and kind not in MOTIONS:
             raise ControlError(f"unknown motion {kind!r}; allowed: {', '.join(MOTIONS)}")
@@ -134,7 +134,7 @@ class GamepadOperations(DeviceOperations):
         self._server.held.update(("left_bumper", "start", "a"))
 
     def _clear_faults(self, _: Request) -> None:
-        """Ends all faults: it is plugged in, continues, and has its first rate."""
+        """End all faults: it is plugged in, continues, and has its first rate."""
         server = self._server
         self.end_lasting()
         self._go_on()

@@ -24,5 +24,5 @@ class EmulatedGamepad(EmulatorProcess):
         return str(self.ready["device"])
 
     def set(self, **values: float) -> None:
-        """Moves axes and buttons by name: -1 to 1, right and up positive."""
+        """Move axes and buttons by name: -1 to 1, right and up positive."""
         self.ask("set", values=values)

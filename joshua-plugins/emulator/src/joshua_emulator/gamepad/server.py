@@ -68,18 +68,18 @@ class GamepadServer:
         return self._snapshot() == self._reported
 
     def press(self, name: str, *, down: bool) -> None:
-        """Presses or releases a button."""
+        """Press or release a button."""
         (self.held.add if down else self.held.discard)(name)
 
     def plug(self) -> None:
-        """Lets programs connect, always at the same path."""
+        """Let programs connect, always at the same path."""
         if self._listener is not None:
             return
         self._listener = listen_at(self.path)
         self.log.add("plug", time.monotonic(), path=str(self.path))
 
     def unplug(self) -> None:
-        """Cuts everybody off in the middle of a record; the path vanishes."""
+        """Cut everybody off in the middle of a record; the path vanishes."""
         if self._listener is not None:
             self._listener.close()
             self._listener = None
@@ -92,21 +92,21 @@ class GamepadServer:
         self.log.add("unplug", time.monotonic())
 
     def drop_records(self) -> None:
-        """Says that records were lost, as the kernel does for a reader that was too slow."""
+        """Say that records were lost, as the kernel does for a reader that was too slow."""
         self._send([(EV_SYN, 3, 0), (EV_SYN, 0, 0)])
         self.log.add("dropped", time.monotonic())
 
     def set_rate(self, rate_hz: float) -> None:
-        """Reports at another rate from now on."""
+        """Report at another rate from now on."""
         self.rate_hz = rate_hz
         self._due_s = time.monotonic() + 1 / rate_hz
 
     def stop(self) -> None:
-        """Ends ``run`` after the present turn."""
+        """End ``run`` after the present turn."""
         self._stopped = True
 
     def run(self, watched: Collection[int] = ()) -> None:
-        """Runs until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
+        """Run until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
         sharpen_timers()
         self._due_s = time.monotonic()
         while not self._stopped:
@@ -127,7 +127,7 @@ class GamepadServer:
                 self.control.serve(ready)
 
     def close(self) -> None:
-        """Cuts everybody off and closes the control channel."""
+        """Cut everybody off and close the control channel."""
         self.unplug()
         if self.control is not None:
             self.control.close()

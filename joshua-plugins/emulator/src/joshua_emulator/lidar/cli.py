@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def add_parser(protocols: Any) -> None:
-    """Adds the options of an emulated laser scanner."""
+    """Add the options of an emulated laser scanner."""
     lidar = protocols.add_parser("lidar", help="a laser scanner in a room, on a pseudo-terminal")
     lidar.add_argument("--model", choices=tuple(MODELS), default="rplidar_a1", help="which scanner")
     lidar.add_argument("--name", default="ttyUSB0", help="device name of the port")
@@ -28,7 +28,7 @@ def add_parser(protocols: Any) -> None:
 
 
 def make_station(options: argparse.Namespace, root: Path) -> Station:
-    """Makes the scanner that the options describe, plugged in. Raises OSError."""
+    """Make the scanner that the options describe, plugged in. Raises OSError."""
     from joshua_emulator.control import ControlServer
     from joshua_emulator.event_log import EventLog
     from joshua_emulator.lidar.line_faults import LineFaults

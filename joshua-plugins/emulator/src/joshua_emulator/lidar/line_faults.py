@@ -25,18 +25,18 @@ class LineFaults:
         self._noise = b""
 
     def set(self, kind: str, probability: Any) -> None:
-        """Sets the probability of a kind. Raises LineFaultError."""
+        """Set the probability of a kind. Raises LineFaultError."""
         number = isinstance(probability, (int, float)) and not isinstance(probability, bool)
         if not number or not 0 <= probability <= 1:
             raise LineFaultError(f"{kind} is {probability!r}; allowed: a probability from 0 to 1")
         self._probability[kind] = float(probability)
 
     def begin_dirty(self, noise_bytes: int) -> None:
-        """Puts noise and the rest of a packet before the next one."""
+        """Put noise and the rest of a packet before the next one."""
         self._noise = self._random.randbytes(noise_bytes)
 
     def clear(self) -> None:
-        """Ends all faults; the counts stay."""
+        """End all faults; the counts stay."""
         self._probability = dict.fromkeys(self.KINDS, 0.0)
         self._noise = b""
 
@@ -45,13 +45,13 @@ class LineFaults:
         return dict(self._probability)
 
     def drops(self) -> bool:
-        """Draws whether a packet is lost."""
+        """Draw whether a packet is lost."""
         lost = self._random.random() < self._probability["drop"]
         self.counts["drop"] += lost
         return lost
 
     def disturb(self, packet: bytes) -> bytes:
-        """Draws what happens to a packet and returns it as it is sent."""
+        """Draw what happens to a packet and return it as it is sent."""
         if self._noise:
             packet, self._noise = self._noise + packet[len(packet) // 2 :], b""
         share = self._probability["corrupt"]

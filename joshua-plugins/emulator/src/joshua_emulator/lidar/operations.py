@@ -82,7 +82,7 @@ class ScannerOperations(SensorOperations):
         }
 
     def _stall(self, request: Request) -> Action:
-        """Holds the motor fast for ``value`` seconds, or until the faults are cleared."""
+        """Hold the motor fast for ``value`` seconds, or until the faults are cleared."""
 
         def stall() -> None:
             self._scanner.set_turn_hz(0.0)
@@ -95,7 +95,7 @@ class ScannerOperations(SensorOperations):
         return self.lasting("stall", request, stall, go_on)
 
     def _silent(self, request: Request) -> Action:
-        """Sends nothing for ``value`` seconds, or until the faults are cleared."""
+        """Send nothing for ``value`` seconds, or until the faults are cleared."""
 
         def silence() -> None:
             self._scanner.silent = True
@@ -115,7 +115,7 @@ class ScannerOperations(SensorOperations):
         return lambda: setattr(self._scanner, "health", status)
 
     def _clear_faults(self, _: Request) -> None:
-        """Ends all faults: the scanner is plugged in, turns and talks as at the start."""
+        """End all faults: the scanner is plugged in, turns and talks as at the start."""
         scanner = self._scanner
         self.end_lasting()
         scanner.faults.clear()

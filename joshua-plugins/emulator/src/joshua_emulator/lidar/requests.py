@@ -40,11 +40,11 @@ class RequestReader:
         self._buffer = b""
 
     def clear(self) -> None:
-        """Forgets an unfinished request."""
+        """Forget an unfinished request."""
         self._buffer = b""
 
     def take(self, data: bytes) -> list[Request]:
-        """Adds bytes. Returns the requests that are complete with them."""
+        """Add bytes. Return the requests that are complete with them."""
         buffer = self._buffer + data
         requests = []
         while True:

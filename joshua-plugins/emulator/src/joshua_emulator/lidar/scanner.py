@@ -56,7 +56,7 @@ class Scanner:
         return self._stream is not None
 
     def set_turn_hz(self, turn_hz: float) -> None:
-        """Turns faster or slower; 0 holds the motor fast."""
+        """Turn faster or slower; 0 holds the motor fast."""
         self.turn_hz = turn_hz
         if self._stream is not None:
             self._stream.turn_hz = turn_hz
@@ -81,7 +81,7 @@ class Scanner:
         return sent
 
     def receive(self, data: bytes, line_speed: int, now_s: float) -> list[TimedReply]:
-        """Takes bytes of the host."""
+        """Take bytes of the host."""
         if line_speed != self.baudrate:
             return []
         if self.model.protocol == "lds01":

@@ -95,7 +95,7 @@ class BusAssembly(ABC, Generic[ServoT]):
 
     @abstractmethod
     def make_bus(self, servos: Sequence[ServoT], faults: Faults) -> EmulatedServoBus[ServoT]:
-        """Makes the bus of the family's protocol."""
+        """Make the bus of the family's protocol."""
 
     @abstractmethod
     def make_servo(
@@ -105,11 +105,11 @@ class BusAssembly(ABC, Generic[ServoT]):
         stored: bytes | None = None,
         on_eeprom: Callable[[bytes], None] = lambda _: None,
     ) -> ServoT:
-        """Makes one servo; ``on_eeprom`` gets its EEPROM after each change, ``stored`` is the last one."""
+        """Make one servo; ``on_eeprom`` gets its EEPROM after each change, ``stored`` is the last one."""
 
     @abstractmethod
     def set_up(self, servo: ServoT, servo_id: int, middle: int, half: float) -> bytes:
-        """Gives a servo fresh from the factory its id and the settings of the spec. Returns its EEPROM.
+        """Give a servo fresh from the factory its id and the settings of the spec. Return its EEPROM.
 
         Args:
             middle: encoder tick at the middle of the joint's range; half: half of that range in ticks.
@@ -127,12 +127,12 @@ class BusAssembly(ABC, Generic[ServoT]):
         return [joint.name for joint in arm][: len(numbered)] + numbered[len(arm) :]
 
     def close(self) -> None:
-        """Takes the device names and the control socket away."""
+        """Take the device names and the control socket away."""
         self.station.line.unplug()
         self.station.control.close()
 
     def note_torque(self, servo: ServoT, energised: bool, now_s: float) -> None:
-        """Logs that a motor got or lost power."""
+        """Log that a motor got or lost power."""
         # the drive can change a little ahead of the clock, at the end of a request that is still on the line
         self.log.add("torque", max(now_s, time.monotonic()), id=servo.servo_id, on=energised)
 

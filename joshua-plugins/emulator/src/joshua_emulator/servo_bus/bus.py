@@ -41,10 +41,10 @@ class Parser(Protocol):
     """Finds instructions in the bytes that the host sends."""
 
     def feed(self, data: bytes) -> Iterator[Packet]:
-        """Adds bytes. Yields each completed packet."""
+        """Add bytes. Yields each completed packet."""
 
     def clear(self) -> None:
-        """Forgets an unfinished packet."""
+        """Forget an unfinished packet."""
 
 
 class EmulatedServoBus(ABC, Generic[ServoT]):
@@ -69,7 +69,7 @@ class EmulatedServoBus(ABC, Generic[ServoT]):
         self._sequence = itertools.count()
 
     def attach(self, servo: ServoT) -> None:
-        """Adds a servo at the far end of the cable."""
+        """Add a servo at the far end of the cable."""
         intact = self.connected == len(self.servos)
         self.servos.append(servo)
         if intact:
@@ -79,14 +79,14 @@ class EmulatedServoBus(ABC, Generic[ServoT]):
     def _answer(
         self, packet: Any, listening: list[ServoT], line_speed: int, end_s: float
     ) -> Iterable[TimedReply]:
-        """Carries out an instruction that ``listening`` hear at ``end_s``; returns their replies."""
+        """Carry out an instruction that ``listening`` hear at ``end_s``; return their replies."""
 
     def reset_line(self) -> None:
-        """Forgets an unfinished packet, as a fresh connection does."""
+        """Forget an unfinished packet, as a fresh connection does."""
         self.parser.clear()
 
     def receive(self, data: bytes, line_speed: int, now_s: float) -> list[TimedReply]:
-        """Takes bytes of the host, sent at ``line_speed`` bit/s. Returns what the bus answers and when."""
+        """Take bytes of the host, sent at ``line_speed`` bit/s. Return what the bus answers and when."""
         listening = [
             servo for servo in self.servos[: self.connected] if self._hears(servo, line_speed, now_s)
         ]
@@ -109,7 +109,7 @@ class EmulatedServoBus(ABC, Generic[ServoT]):
         )
 
     def _transmit(self, answers: list[tuple[ServoT, bytes]], line_speed: int) -> Iterable[TimedReply]:
-        """Puts replies on the line; several at once collide: a 0 bit wins over a 1."""
+        """Put replies on the line; several at once collide: a 0 bit wins over a 1."""
         if not answers:
             return
         size = max(len(data) for _, data in answers)
@@ -128,7 +128,7 @@ class EmulatedServoBus(ABC, Generic[ServoT]):
         return TimedReply(due_s, next(self._sequence), data)
 
     def _record(self, packet: Packet, now_s: float, end_s: float) -> None:
-        """Logs an instruction; reads are only counted."""
+        """Log an instruction; reads are only counted."""
         if packet.instruction in self.reads:
             self._log.reads += 1
             return

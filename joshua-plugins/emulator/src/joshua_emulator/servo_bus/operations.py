@@ -152,7 +152,7 @@ class Operations(StationOperations):
         return {"calibration": {"device_identity": f"usb:{self.home.line.identity}", "motors": motors}}
 
     def _hand(self, request: Request) -> None:
-        """Moves joints without torque to ``ticks`` or ``radians``, in ``duration_s`` (0: at once)."""
+        """Move joints without torque to ``ticks`` or ``radians``, in ``duration_s`` (0: at once)."""
         start_s = time.monotonic()
         duration_s = float(request.get("duration_s", 0.0))
         for servo in self._servos(request):
@@ -170,11 +170,11 @@ class Operations(StationOperations):
             servo.advance(time.monotonic())
 
     def _motion(self, request: Request) -> None:
-        """Starts a motion of the hand: ``kind`` sine, sweep, file or none, with its settings."""
+        """Start a motion of the hand: ``kind`` sine, sweep, file or none, with its settings."""
         self.start_motion(request["kind"], {k: v for k, v in request.items() if k not in ("op", "kind")})
 
     def start_motion(self, kind: str, values: dict[str, Any]) -> None:
-        """Starts a motion of the hand. Raises MotionError and ControlError."""
+        """Start a motion of the hand. Raises MotionError and ControlError."""
         if kind == "none":
             paths: dict[int, motion.Trajectory] = {}
         elif kind == "sine":
@@ -194,7 +194,7 @@ class Operations(StationOperations):
             servo.joint.hand = None if path is None else _hand(servo, path, start_s)
 
     def _guide(self, request: Request) -> None:
-        """Moves the joints as a calibration asks: ``slot`` through its range, or all to their middles."""
+        """Move the joints as a calibration asks: ``slot`` through its range, or all to their middles."""
         start_s = time.monotonic()
         servos = self._bus.servos[: len(self._names)]
         for servo in servos:
@@ -223,7 +223,7 @@ class Operations(StationOperations):
         return (servo.joint.low - zero) / TICKS_PER_RADIAN, (servo.joint.high - zero) / TICKS_PER_RADIAN
 
     def _set(self, request: Request) -> None:
-        """Sets what acts on servos, and the volts of their supply.
+        """Set what acts on servos, and the volts of their supply.
 
         ``temperature_c``, ``external_load``, ``blocked``, ``silent`` and ``object_ticks`` (something stiff
         in the joint's way; null takes it away).
@@ -246,7 +246,7 @@ class Operations(StationOperations):
                 servo.silent = bool(request["silent"])
 
     def fault(self, request: Request) -> None:
-        """Injects a fault, now, ``at_s`` later, or with the ``after_reads``-th read of the bus."""
+        """Inject a fault, now, ``at_s`` later, or with the ``after_reads``-th read of the bus."""
         check_fault(request, FAULTS, self.when)
         if (after_reads := int(request.get("after_reads", 0))) > 0:
             self._after_reads(after_reads, self.fault_action(request["kind"], request))

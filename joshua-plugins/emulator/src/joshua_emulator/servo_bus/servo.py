@@ -68,7 +68,7 @@ class EmulatedServo(ABC):
         return register.decode(raw)
 
     def put(self, name: str, value: int) -> None:
-        """Sets a register from inside the servo: no lock, no range, no side effect."""
+        """Set a register from inside the servo: no lock, no range, no side effect."""
         register = self.registers[name]
         raw = register.encode(value).to_bytes(register.width, "little")
         self.memory[register.address : register.address + register.width] = raw
@@ -123,7 +123,7 @@ class EmulatedServo(ABC):
         """Present position in ticks, as the host reads it."""
 
     def advance(self, now_s: float) -> None:
-        """Brings joint, protections and feedback registers to a time of the monotonic clock."""
+        """Bring joint, protections and feedback registers to a time of the monotonic clock."""
         if self._time_s is None:
             self._time_s = now_s
         elapsed_s = max(0.0, now_s - self._time_s)
@@ -134,11 +134,11 @@ class EmulatedServo(ABC):
 
     @abstractmethod
     def _protect(self, elapsed_s: float) -> None:
-        """Looks at heat, load and voltage after a time."""
+        """Look at heat, load and voltage after a time."""
 
     @abstractmethod
     def _measure(self) -> None:
-        """Fills the feedback registers."""
+        """Fill the feedback registers."""
 
     def _set_drive(self, drive: Drive | None, now_s: float) -> None:
         """What the motor does from now on; None takes its power."""
@@ -150,7 +150,7 @@ class EmulatedServo(ABC):
 
     @abstractmethod
     def power_on(self, now_s: float | None = None) -> None:
-        """Starts as after a power cut.
+        """Start as after a power cut.
 
         Args:
             now_s: when power came back; the servo is silent for a moment from then on.
@@ -158,7 +158,7 @@ class EmulatedServo(ABC):
 
     @abstractmethod
     def overload(self, now_s: float) -> None:
-        """Trips the overload protection."""
+        """Trip the overload protection."""
 
     @abstractmethod
     def calibration(self) -> dict[str, Any]:

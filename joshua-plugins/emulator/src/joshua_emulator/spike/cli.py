@@ -13,7 +13,7 @@ PORTS = "ABCDEF"
 
 
 def add_parser(protocols: Any) -> None:
-    """Adds the options of an emulated hub."""
+    """Add the options of an emulated hub."""
     hub = protocols.add_parser("spike", help="a LEGO SPIKE hub with Pybricks, over virtual Bluetooth")
     hub.add_argument("--name", default="Pybricks Hub", help="name under which the hub advertises")
     hub.add_argument("--ports", type=_ports, default=("A", "B"), help="ports with motors, such as A,B")
@@ -27,7 +27,7 @@ def add_parser(protocols: Any) -> None:
 
 
 def make_machine(options: argparse.Namespace, root: Path) -> HubMachine:
-    """Makes the hub that the options describe. Raises ControlError and OSError."""
+    """Make the hub that the options describe. Raises ControlError and OSError."""
     from joshua_emulator.control import ControlError, ControlServer
     from joshua_emulator.spike.runner import NoMicroPythonError, micropython_command
 

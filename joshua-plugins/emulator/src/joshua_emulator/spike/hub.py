@@ -93,7 +93,7 @@ class HubFirmware:
         return struct.pack("<BIBB", Event.STATUS, flags, 0, 0)
 
     def command(self, data: bytes) -> Answer:
-        """Carries out what was written to the command characteristic."""
+        """Carry out what was written to the command characteristic."""
         if not data or data[0] not in Command.__members__.values():
             return Answer.INVALID
         command, payload = Command(data[0]), data[1:]
@@ -112,19 +112,19 @@ class HubFirmware:
         return Answer.OK
 
     def run(self, blob: bytes) -> None:
-        """Starts a program that was in the hub before."""
+        """Start a program that was in the hub before."""
         self._ram[: len(blob)] = blob
         self._size = len(blob)
         self._start()
 
     def stop_program(self) -> None:
-        """Ends the program, as the button of the hub does."""
+        """End the program, as the button of the hub does."""
         if self._runner is not None:
             self._runner.close()
             self._ended(b"The program was stopped (SystemExit).\r\n")
 
     def close(self) -> None:
-        """Switches off."""
+        """Switch off."""
         if self._runner is not None:
             self._runner.close()
             self._runner = None
@@ -214,7 +214,7 @@ class HubFirmware:
             self.send(bytes([Event.STDOUT]) + chunk)
 
     def _answer(self, words: Sequence[str]) -> str:
-        """Answers a request of the running program."""
+        """Answer a request of the running program."""
         verb, arguments = words[0], words[1:]
         if verb == "battery":
             return f"ok {self.battery_mv} 120"

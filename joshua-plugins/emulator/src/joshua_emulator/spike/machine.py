@@ -45,22 +45,22 @@ class HubMachine:
         self._tasks: set[asyncio.Task[None]] = set()
 
     def at(self, delay_s: float, action: Callable[[], object]) -> None:
-        """Calls ``action`` after a delay, on the loop."""
+        """Call ``action`` after a delay, on the loop."""
         self._loop.call_later(delay_s, action)
 
     def off(self) -> None:
-        """Switches the hub off: the program is gone, the link is lost."""
+        """Switch the hub off: the program is gone, the link is lost."""
         self.log.add("off", time.monotonic())
         self.hub.close()
         self.soon(self.radio.go(near=False))
 
     def on(self) -> None:
-        """Switches the hub on again, with an empty memory; or brings it back into range."""
+        """Switch the hub on again, with an empty memory; or bring it back into range."""
         self.log.add("on", time.monotonic())
         self.soon(self.radio.go(near=True))
 
     def soon(self, coroutine: Coroutine[Any, Any, None]) -> None:
-        """Runs a coroutine on the loop: at once where it stands still, else beside the rest."""
+        """Run a coroutine on the loop: at once where it stands still, else beside the rest."""
         if self._loop.is_running():
             task = self._loop.create_task(coroutine)
             self._tasks.add(task)
@@ -69,7 +69,7 @@ class HubMachine:
             self._loop.run_until_complete(coroutine)
 
     def on_loop(self, action: Callable[[], None]) -> None:
-        """Calls a function that needs the running loop."""
+        """Call a function that needs the running loop."""
 
         async def call() -> None:
             action()
@@ -96,16 +96,16 @@ class HubMachine:
             motor.hand(None if path is None else _degrees(path, _first_angle(port), start_s))
 
     def run(self, watched: Collection[int] = ()) -> None:
-        """Runs until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
+        """Run until ``stop``, or until one of the ``watched`` file descriptors reaches its end."""
         self._loop.run_until_complete(self._run(watched))
 
     def stop(self) -> None:
-        """Ends ``run``."""
+        """End ``run``."""
         self._stopped = True
         self._loop.call_soon_threadsafe(lambda: None)
 
     def close(self) -> None:
-        """Tidies up."""
+        """Tidy up."""
         self.hub.close()
         self._loop.run_until_complete(self.radio.close())
         if self.control is not None:
@@ -123,7 +123,7 @@ class HubMachine:
             follow()
 
         def follow() -> None:
-            """Watches the connections that the control channel has now."""
+            """Watch the connections that the control channel has now."""
             assert self.control is not None
             now = set(self.control.descriptors())
             for descriptor in served - now:

@@ -76,16 +76,16 @@ class EmulatedMotor:
         self._offset_deg = self._joint.angle / TICKS_PER_DEGREE - absolute
 
     def stop(self) -> None:
-        """Lets go."""
+        """Let go."""
         self._set(OFF)
 
     def hold(self) -> None:
-        """Stays where it is, with torque."""
+        """Stay where it is, with torque."""
         self._advance()
         self._set(replace(POWERED, target=self._joint.angle))
 
     def track(self, angle_deg: int) -> None:
-        """Goes to an angle."""
+        """Go to an angle."""
         self._set(replace(POWERED, target=(angle_deg + self._offset_deg) * TICKS_PER_DEGREE))
 
     def hand(self, motion: Callable[[float], float] | None) -> None:

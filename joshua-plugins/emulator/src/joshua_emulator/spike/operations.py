@@ -69,7 +69,7 @@ class HubOperations(DeviceOperations):
         }
 
     def at(self, delay_s: float, action: Action) -> None:
-        """Calls ``action`` after a delay, on the loop of the hub."""
+        """Call ``action`` after a delay, on the loop of the hub."""
         self._machine.at(delay_s, action)
 
     def _state(self, _: Request) -> dict[str, Any]:
@@ -94,7 +94,7 @@ class HubOperations(DeviceOperations):
         }
 
     def _hand(self, request: Request) -> None:
-        """Turns a shaft without torque to ``absolute_deg``."""
+        """Turn a shaft without torque to ``absolute_deg``."""
         angle_deg = float(request["absolute_deg"])
         self._motor({"value": request["port"]}).hand(lambda now_s: angle_deg)
 
@@ -105,14 +105,14 @@ class HubOperations(DeviceOperations):
         self._machine.start_motion(values)
 
     def _guide(self, request: Request) -> None:
-        """Moves the shafts as a calibration asks: ``slot`` through its range, or all to their middles."""
+        """Move the shafts as a calibration asks: ``slot`` through its range, or all to their middles."""
         slot = request.get("slot")
         if slot is not None and slot not in range(len(self._machine.motors)):
             raise ControlError(f"slot is {slot!r}; allowed: 0 to {len(self._machine.motors) - 1}")
         self._machine.guide(slot, float(request["seconds"]))
 
     def fault(self, request: Request) -> None:
-        """Injects a fault; ``replug_after_s`` later the hub is on and near again."""
+        """Inject a fault; ``replug_after_s`` later the hub is on and near again."""
         super().fault(request)
         if back_s := float(request.get("replug_after_s", 0.0)):
             self.later(float(request.get("at_s", 0.0)) + back_s, self._machine.on)
@@ -130,7 +130,7 @@ class HubOperations(DeviceOperations):
         return lambda: self._machine.on_loop(lambda: self._machine.hub.run(blob))
 
     def _clear_faults(self, _: Request) -> None:
-        """Ends all faults that can end; the battery is full again."""
+        """End all faults that can end; the battery is full again."""
         machine = self._machine
         for motor in machine.motors.values():
             motor.blocked, motor.attached, motor.device = False, True, EmulatedMotor().device

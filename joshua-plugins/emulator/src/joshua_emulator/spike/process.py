@@ -39,9 +39,9 @@ class EmulatedHub(EmulatorProcess):
         return dict(self.state()["motors"][port])
 
     def guide(self, slot: int | None, seconds: float) -> None:
-        """Moves the shafts by hand as a calibration asks: one through its range, or all to their middles."""
+        """Move the shafts by hand as a calibration asks: one through its range, or all to their middles."""
         self.ask("guide", seconds=seconds, **({} if slot is None else {"slot": slot}))
 
     def hand(self, port: str, absolute_deg: float) -> None:
-        """Turns a shaft without torque by hand, to an angle against its mark."""
+        """Turn a shaft without torque by hand, to an angle against its mark."""
         self.ask("hand", port=port, absolute_deg=absolute_deg)

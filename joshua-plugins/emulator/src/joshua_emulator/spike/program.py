@@ -40,14 +40,14 @@ def pack(code: bytes) -> bytes:
 
 
 def check_mpy(code: bytes) -> bytes:
-    """Returns compiled code that a hub can load. Raises ProgramError."""
+    """Return compiled code that a hub can load. Raises ProgramError."""
     if len(code) < 4 or code[0] != MPY_MAGIC or code[1] != MPY_VERSION or code[3] > SMALL_INT_BITS:
         raise ProgramError("ValueError: incompatible .mpy file")
     return code
 
 
 def write_modules(modules: dict[str, bytes], folder: Path) -> str:
-    """Writes the modules as files. Returns the name under which the main one is imported."""
+    """Write the modules as files. Return the name under which the main one is imported."""
     main = "uploaded_main"
     for name, code in modules.items():
         file_name = main if name == MAIN else name

@@ -56,7 +56,7 @@ class Air(LocalLink):
     def send_acl_data(
         self, sender_controller: Any, destination_address: Any, transport: PhysicalTransport, data: bytes
     ) -> None:
-        """Hands data over, in order."""
+        """Hand data over, in order."""
         deliver = partial(super().send_acl_data, sender_controller, destination_address, transport, data)
         if not (self.interval_s or self._waiting):
             deliver()
@@ -79,7 +79,7 @@ class HciSink:
         self._writer = writer
 
     def on_packet(self, packet: bytes) -> None:
-        """Sends one packet."""
+        """Send one packet."""
         if not self._writer.is_closing():
             self._writer.write(packet)
 
@@ -115,13 +115,13 @@ class Radio:
         self._subscribed = False
 
     async def start(self) -> None:
-        """Switches the radio on and listens for hosts."""
+        """Switch the radio on and listens for hosts."""
         self._server = await asyncio.start_server(self._serve_adapter, sock=self._listener)
         await self._make_device()
         self._keep(self._report_status())
 
     async def go(self, *, near: bool) -> None:
-        """Comes into range, or leaves it; the link is lost without a word."""
+        """Enter or leave radio range; the link is lost without notice."""
         self._out_of_range = not near
         assert self._device is not None
         if near:
@@ -131,13 +131,13 @@ class Radio:
             self._cut(CONNECTION_TIMEOUT)
 
     async def set_firmware(self, firmware: str) -> None:
-        """Changes what the hub is."""
+        """Change what the hub is."""
         self.firmware = firmware
         await self.go(near=False)
         await self._make_device()
 
     async def close(self) -> None:
-        """Switches off."""
+        """Switch off."""
         for task in list(self._tasks):
             task.cancel()
         if self._server is not None:
@@ -243,7 +243,7 @@ class Radio:
                 self._send(self.hub.status())
 
     def _cut(self, reason: int) -> None:
-        """Ends the connection at both ends."""
+        """End the connection at both ends."""
         controller = self._controller
         assert controller is not None
         for connection in list(controller.le_connections.values()):

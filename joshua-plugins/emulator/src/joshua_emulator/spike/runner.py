@@ -84,12 +84,12 @@ class ProgramRunner:
         self._open += [request_end, answer_end]
 
     def write(self, data: bytes) -> None:
-        """Writes to the program's standard input; what it does not read in time is lost."""
+        """Write to the program's standard input; what it does not read in time is lost."""
         with contextlib.suppress(BlockingIOError, BrokenPipeError):
             os.write(self._stdin, data)
 
     def close(self) -> None:
-        """Ends the program at once, without a call of ``on_end``. Idempotent."""
+        """End the program at once, without a call of ``on_end``. Idempotent."""
         if not self._open:
             return
         self._loop.remove_reader(self._stdout)
@@ -108,7 +108,7 @@ class ProgramRunner:
         self._loop.add_reader(descriptor, action, descriptor)
 
     def _serve(self, descriptor: int) -> None:
-        """Answers requests; a program waits for each answer, so that there is one line at a time."""
+        """Answer requests; a program waits for each answer, so that there is one line at a time."""
         with contextlib.suppress(BlockingIOError):
             self._requests += os.read(descriptor, READ_SIZE)
         *lines, self._requests = self._requests.split(b"\n")

@@ -142,7 +142,7 @@ class Recorder:
         return int(self._writer.episodes)
 
     def episode(self, expert: Any, seed: int, task: str) -> bool:
-        """Plays one episode and writes it if it succeeds. Raises EpisodeError."""
+        """Play one episode and write it if it succeeds. Raises EpisodeError."""
         import numpy as np
         from joshua.features import ACTION, STATE, Frame
 
@@ -168,7 +168,7 @@ class Recorder:
         return bool(success)
 
     def close(self) -> None:
-        """Closes the data set."""
+        """Close the data set."""
         self._writer.close()
 
 

@@ -13,7 +13,7 @@ SUMMARY = "list the simulation models that come with JOSHUA, or show one"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of ``joshua models``."""
+    """Add the options of ``joshua models``."""
     import argparse
 
     parser.add_argument(
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the list, or what one model holds. Exit code 0; 2 for a model that cannot be loaded."""
+    """Print the list, or what one model holds. Exit code 0; 2 for a model that cannot be loaded."""
     as_json = getattr(arguments, "format", "text") == "json"
     return _show(arguments.model, as_json) if arguments.model else _list(as_json)
 

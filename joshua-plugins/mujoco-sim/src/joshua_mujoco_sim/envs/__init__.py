@@ -15,7 +15,7 @@ __all__ = ["TASKS", "TermEnv", "TermVectorEnv", "make_environment", "make_vector
 
 
 def register() -> None:
-    """Registers the environments under ``joshua/``. Idempotent."""
+    """Register the environments under ``joshua/``. Idempotent."""
     for name, task in TASKS.items():
         if name in gymnasium.registry:
             continue
@@ -29,7 +29,7 @@ def register() -> None:
 
 
 def make_environment(environment_id: str, reward_function: str = "", **options: Any) -> Any:
-    """Makes an environment as trainers do.
+    """Make an environment as trainers do.
 
     Args:
         environment_id: such as ``joshua/SoArm100Reach-v0``.
@@ -54,7 +54,7 @@ def make_vector_environment(
     seed: int | None = None,
     **options: Any,
 ) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
-    """Makes many environments at once, as the training block of a file chooses them.
+    """Make many environments at once, as the training block of a file chooses them.
 
     They run on all cores where MuJoCo 4 is installed, else one after the other.
 

@@ -54,7 +54,7 @@ def healthy(state: State) -> Any:
 
 
 def start(state: State, ids: IntArray, generators: Generators, *, scale: float) -> None:
-    """Starts with noise: positions uniform, speeds normal."""
+    """Start with noise: positions uniform, speeds normal."""
     for index, generator in zip(ids, generators, strict=True):
         state.qpos[index] += generator.uniform(-scale, scale, state.qpos.shape[1])
         state.qvel[index] += scale * generator.standard_normal(state.qvel.shape[1])

@@ -161,7 +161,7 @@ def place_goal(
     angle_rad: float,
     height_m: tuple[float, float],
 ) -> None:
-    """Puts the goal somewhere in front of the arm: a sector of a ring, at some height."""
+    """Put the goal somewhere in front of the arm: a sector of a ring, at some height."""
     for index, generator in zip(ids, generators, strict=True):
         state.mocap_pos[index, 0] = _in_sector(generator, radius_m, angle_rad, height_m)
 
@@ -175,7 +175,7 @@ def place_cube(
     angle_rad: float,
     apart_m: float,
 ) -> None:
-    """Puts the cube on the table in front of the arm, turned anyhow, and not on the goal."""
+    """Put the cube on the table in front of the arm, turned anyhow, and not on the goal."""
     start = int(state.model.joint("cube").qposadr[0])
     for index, generator in zip(ids, generators, strict=True):
         for _ in range(100):

@@ -70,7 +70,7 @@ def noisy_joints(
     position_rad: float = 0.0,
     velocity_rad_s: float = 0.0,
 ) -> None:
-    """Starts with joints a little beside their keyframe, uniformly."""
+    """Start with joints a little beside their keyframe, uniformly."""
     for index, generator in zip(ids, generators, strict=True):
         target = state.qpos[index, qpos]
         state.qpos[index, qpos] = target + generator.uniform(-position_rad, position_rad, target.shape)

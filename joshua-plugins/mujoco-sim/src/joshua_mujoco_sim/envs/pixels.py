@@ -88,7 +88,7 @@ class Observer:
         return pictures
 
     def close(self) -> None:
-        """Frees the pictures. Idempotent."""
+        """Free the pictures. Idempotent."""
         for renderer in self._renderers.values():
             renderer.close()
         self._renderers = {}

@@ -92,13 +92,13 @@ class TermEnv(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Starts an episode; the same seed starts the same one."""
+        """Start an episode; the same seed starts the same one."""
         super().reset(seed=seed)
         self._evaluator.reset(_ONLY, (self.np_random,))
         return first(self._observer.all()), {"objects": first(self._evaluator.objects())}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Does one action. Raises ValueError for one that has another shape or is not finite."""
+        """Do one action. Raises ValueError for one that has another shape or is not finite."""
         state, evaluator = self._state, self._evaluator
         evaluator.act(np.asarray(action)[None])
         state.step(self.task.frame_skip)
@@ -133,7 +133,7 @@ class TermEnv(gymnasium.Env[Any, Any]):
         return self._state.ctrl[0].copy()
 
     def render(self) -> Any:
-        """Draws the task's camera: shape (H, W, 3), RGB; None without a render mode."""
+        """Draw the task's camera: shape (H, W, 3), RGB; None without a render mode."""
         if self.render_mode is None:
             gymnasium.logger.warn("render was called, and the environment was made without render_mode")
             return None
@@ -145,7 +145,7 @@ class TermEnv(gymnasium.Env[Any, Any]):
         return self._renderer.draw()
 
     def close(self) -> None:
-        """Frees the pictures. Idempotent."""
+        """Free the pictures. Idempotent."""
         self._observer.close()
         renderer, self._renderer = self._renderer, None
         if renderer is not None:
@@ -158,7 +158,7 @@ def make_task(
     weights: Mapping[str, float] | None,
     randomise: bool,
 ) -> Task:
-    """Makes a task with what the caller changes of it.
+    """Make a task with what the caller changes of it.
 
     Raises:
         ValueError: the task has nothing that ``randomise`` could vary.

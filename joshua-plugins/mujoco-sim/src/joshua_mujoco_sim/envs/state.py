@@ -65,13 +65,13 @@ class Simulations(State, Protocol):
     """A state that can be stepped and reset."""
 
     def step(self, substeps: int) -> None:
-        """Steps the physics of all simulations."""
+        """Step the physics of all simulations."""
 
     def reset(self, ids: IntArray, keyframe: int) -> None:
-        """Puts simulations to a keyframe; -1 for the model's default."""
+        """Put simulations to a keyframe; -1 for the model's default."""
 
     def forward(self, ids: IntArray) -> None:
-        """Makes sites, bodies and contacts current after a reset."""
+        """Make sites, bodies and contacts current after a reset."""
 
 
 def square_sum(values: Any) -> Any:
@@ -148,14 +148,14 @@ class SingleState:
         return getattr(self.model, field)[None]
 
     def step(self, substeps: int) -> None:
-        """Steps the physics."""
+        """Step the physics."""
         mujoco.mj_step(self.model, self.data, substeps)
         if self._forces:
             mujoco.mj_rnePostConstraint(self.model, self.data)
         self.step_cache.clear()
 
     def reset(self, ids: IntArray, keyframe: int) -> None:
-        """Puts the simulation to a keyframe; -1 for the model's default."""
+        """Put the simulation to a keyframe; -1 for the model's default."""
         del ids
         if keyframe >= 0:
             mujoco.mj_resetDataKeyframe(self.model, self.data, keyframe)
@@ -163,7 +163,7 @@ class SingleState:
             mujoco.mj_resetData(self.model, self.data)
 
     def forward(self, ids: IntArray) -> None:
-        """Makes sites, bodies and contacts current after a reset."""
+        """Make sites, bodies and contacts current after a reset."""
         del ids
         mujoco.mj_forward(self.model, self.data)
         self.step_cache.clear()
@@ -222,7 +222,7 @@ class BatchState:
         return self.batch.expand(field)
 
     def step(self, substeps: int) -> None:
-        """Steps the physics of all simulations."""
+        """Step the physics of all simulations."""
         self.batch.step(nstep=substeps)
         if self._data is not None:
             for index in range(self.count):
@@ -232,11 +232,11 @@ class BatchState:
         self.step_cache.clear()
 
     def reset(self, ids: IntArray, keyframe: int) -> None:
-        """Puts simulations to a keyframe; -1 for the model's default."""
+        """Put simulations to a keyframe; -1 for the model's default."""
         self.batch.reset(ids, keyframe, stage=int(mujoco.mjtStage.mjSTAGE_NONE))
 
     def forward(self, ids: IntArray) -> None:
-        """Makes sites, bodies and contacts current after a reset."""
+        """Make sites, bodies and contacts current after a reset."""
         self.batch.forward(ids)
         self.contact_forces[ids] = 0.0
         self.step_cache.clear()

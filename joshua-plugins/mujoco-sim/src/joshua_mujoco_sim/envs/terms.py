@@ -209,7 +209,7 @@ class Evaluator:
         self._end = [(t.name, t.success, t.function, dict(t.parameters)) for t in task.terminations]
 
     def act(self, actions: Any) -> None:
-        """Takes the actions of a step, shape (N, A), and writes the controls.
+        """Take the actions of a step, shape (N, A), and write the controls.
 
         Raises:
             ValueError: they have another shape or are not finite; nothing is stored then.
@@ -269,7 +269,7 @@ class Evaluator:
         return {name: np.array(function(self._state)) for name, function in self._task.objects.items()}
 
     def reset(self, ids: IntArray, generators: Generators) -> None:
-        """Starts some episodes."""
+        """Start some episodes."""
         state, task = self._state, self._task
         state.reset(ids, state.model.key(task.keyframe).id if task.keyframe else -1)
         state.elapsed_steps[ids] = 0

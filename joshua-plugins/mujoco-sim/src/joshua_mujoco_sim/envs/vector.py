@@ -117,7 +117,7 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Starts all episodes, or those that ``options["reset_mask"]`` marks, a boolean for each.
+        """Start all episodes, or those that ``options["reset_mask"]`` marks, a boolean for each.
 
         Raises:
             ValueError: the mask has another type or shape, or marks nothing.
@@ -134,7 +134,7 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         return self._observer.all(), {"objects": self._evaluator.objects()}
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Does one action in each environment, shape (N, A)."""
+        """Do one action in each environment, shape (N, A)."""
         done = self.advance(actions)
         info: dict[str, Any] = {
             "reward_terms": done.reward_terms,
@@ -150,7 +150,7 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         return done.observations, done.rewards, done.terminated, done.truncated, info
 
     def advance(self, actions: Any) -> Outcome:
-        """Does one action in each environment, without a dictionary for each. As ``step`` else."""
+        """Do one action in each environment, without a dictionary for each. As ``step`` else."""
         state, evaluator = self._state, self._evaluator
         evaluator.act(actions)
         state.step(self.task.frame_skip)
@@ -202,7 +202,7 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         return {name: np.array(values) for name, values in arrays.items()}
 
     def restore(self, arrays: Mapping[str, Any]) -> None:
-        """Takes up what ``snapshot`` gave.
+        """Take up what ``snapshot`` gave.
 
         Raises:
             ValueError: it is of another task or of another number of environments.
@@ -227,7 +227,7 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         state.step_cache.clear()
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Frees the pictures."""
+        """Free the pictures."""
         self._observer.close()
 
     def _reset(self, ids: IntArray) -> None:

@@ -115,7 +115,7 @@ def _require(folder: Path, episodes: Sequence[int], numbers: Collection[int]) ->
 
 
 def read_rosbag(path: Path, budget: Budget) -> Trajectory:
-    """Reads the joint states of a recording: of its one topic of that type, or of the busiest.
+    """Read the joint states of a recording: of its one topic of that type, or of the busiest.
 
     Raises:
         TrajectoryError: the recording cannot be read, or holds no joint states.

@@ -32,7 +32,7 @@ _OTHER_COLUMNS = ("stamp_ns", "frame_index", "episode_index", "index", "task_ind
 
 
 def read_csv(path: Path, budget: Budget) -> Trajectory:
-    """Reads a CSV file whose first line names its columns. Raises TrajectoryError with the line."""
+    """Read a CSV file whose first line names its columns. Raises TrajectoryError with the line."""
     names: list[str] = []
     rows = _Rows(str(path), budget)
     try:
@@ -57,7 +57,7 @@ def read_csv(path: Path, budget: Budget) -> Trajectory:
 
 
 def read_json_lines(path: Path, budget: Budget) -> Trajectory:
-    """Reads a file with one JSON object on each line. Raises TrajectoryError with the line."""
+    """Read a file with one JSON object on each line. Raises TrajectoryError with the line."""
     rows = _Rows(str(path), budget)
     try:
         with path.open(encoding="utf-8") as file:
@@ -80,7 +80,7 @@ def read_json_lines(path: Path, budget: Budget) -> Trajectory:
 
 
 def read_parquet(path: Path, budget: Budget) -> Trajectory:
-    """Reads a Parquet file. Raises TrajectoryError."""
+    """Read a Parquet file. Raises TrajectoryError."""
     return from_columns(str(path), parquet_columns(path, budget))
 
 
@@ -106,7 +106,7 @@ def parquet_columns(path: Path, budget: Budget, *further: str) -> dict[str, Any]
 
 
 def from_columns(source: str, columns: Mapping[str, Any], vector_names: Sequence[str] = ()) -> Trajectory:
-    """Makes a trajectory of columns, of which one holds times. Raises TrajectoryError."""
+    """Make a trajectory of columns, of which one holds times. Raises TrajectoryError."""
     time = next((name for name in TIME_COLUMNS if name in columns), None)
     if time is None:
         raise TrajectoryError(
@@ -149,7 +149,7 @@ class _Rows:
         self._lengths: dict[str, int | None] = {}
 
     def add(self, where: str, record: Mapping[str, Any]) -> None:
-        """Adds a sample. Raises TrajectoryError."""
+        """Add a sample. Raises TrajectoryError."""
         numbers = _numbers(where, record)
         self._count += 1
         if self._count == 1:

@@ -41,7 +41,7 @@ class Budget:
         self._most = self._left = MOST_NUMBERS
 
     def take(self, source: str | Path, count: int) -> None:
-        """Counts numbers that are about to be kept. Raises TrajectoryError."""
+        """Count numbers that are about to be kept. Raises TrajectoryError."""
         self._left -= count
         if self._left < 0:
             raise TrajectoryError(
@@ -89,7 +89,7 @@ class Trajectory:
         return float(self.time_s[-1])
 
     def for_joints(self, ranges: Mapping[str, tuple[float, float]]) -> tuple[tuple[str, ...], FloatArray]:
-        """Chooses the columns of a model's joints.
+        """Choose the columns of a model's joints.
 
         Args:
             ranges: limits in radians of the joints that the model drives, in its order.
