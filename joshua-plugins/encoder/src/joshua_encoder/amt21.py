@@ -1,4 +1,4 @@
-"""The AMT21's answers: 14 bits of position, and two check bits above them; no input or output."""
+"""Decoder of AMT21 replies: 14 position bits below two check bits. Does no I/O."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ _ODD, _EVEN = 0xAAAA, 0x5555
 
 
 def position(answer: bytes, resolution: int) -> int | None:
-    """The position in an answer of two bytes, the lower one first; None if the check bits are wrong.
+    """Return the position in a two-byte reply, low byte first; None if the check bits are wrong.
 
-    Each check bit makes the number of ones odd: the upper one among the odd bits, the lower one among the
-    even bits. Encoders of 12 bits send two zeros below their position.
+    Each check bit gives odd parity: the upper one over the odd bits, the lower one over the even bits. 12-bit
+    encoders send two zeros below their position.
     """
     if len(answer) != ANSWER_LENGTH:
         return None

@@ -19,10 +19,10 @@ from joshua_encoder.tracker import Tracker
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
-#: Damaged lines or answers as share of the counts above which a link is not in order.
+#: Share of damaged lines or replies above which a link is reported as faulty.
 DAMAGED_SHARE = 0.01
 
-#: Counts that may wait for a reader; older ones are left out, the position continues.
+#: Counts that may wait for a reader; older ones are dropped, the position stays correct.
 _WAITING = 64
 
 
@@ -31,7 +31,7 @@ class EncoderReading:
     """State of all encoders of a link, in the order of the settings.
 
     Attributes:
-        ticks: counts, over any number of turns; position_rad, velocity_rad_s: of the shafts.
+        ticks: multi-turn counts; position_rad, velocity_rad_s: of the shafts.
     """
 
     ticks: tuple[int, ...]
@@ -61,26 +61,26 @@ class SerialEncoder(Sensor):
 
     @property
     def data_types(self) -> tuple[str, ...]:
-        """The state of joints."""
+        """Message types: joint state."""
         return (JOINT_STATE,)
 
     @property
     def connected(self) -> bool:
-        """Whether the encoders are followed."""
+        """Whether the encoders are being read."""
         return self._source is not None
 
     @property
     def damaged(self) -> int:
-        """Line or answers since the encoders were opened that could not be used."""
+        """Number of unusable lines or replies since the encoders were opened."""
         return self._source.damaged if self._source is not None else 0
 
     @property
     def counts(self) -> int:
-        """Count since the encoders were opened that were used."""
+        """Number of counts accepted since the encoders were opened."""
         return self._sequence
 
     def joints(self) -> list[tuple[str, str]]:
-        """Name and state of each joint as last read, for people."""
+        """Return name and last state of each joint as text."""
         return [
             (name, f"{tracker.position_rad:+.3f} rad, {tracker.velocity_rad_s:+.2f} rad/s")
             for name, tracker in zip(self.settings.joint_names, self._trackers, strict=False)
@@ -90,8 +90,8 @@ class SerialEncoder(Sensor):
         """Open the port and wait for the encoders.
 
         Raises:
-            DeviceError: port or encoder is missing, busy, not allowed, silent, at another line speed or
-                address, or speaks another protocol. The message names port and remedy.
+            DeviceError: port or encoder is missing, busy, forbidden, silent, at another line speed or
+                address, or uses another protocol. The message names port and remedy.
             Cancelled: the run ends.
         """
         if self.connected:
@@ -116,7 +116,7 @@ class SerialEncoder(Sensor):
         """Wait for the next counts.
 
         Raises:
-            DeviceDisconnected: the adapter was unplugged, or the encoder delivers nothing that can be used.
+            DeviceDisconnected: the adapter was unplugged, or the encoder delivers no usable data.
         """
         self.require_connected("read")
         source = self._source
@@ -130,8 +130,8 @@ class SerialEncoder(Sensor):
         return self._ready.popleft() if self._ready else None
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
-        """Make a JointState of all encoders of the link."""
-        del type_name  # there is only one
+        """Return a JointState of all encoders of the link."""
+        del type_name  # the only message type
         data: EncoderReading = reading.data
         return joint_state(
             self.settings.joint_names,
@@ -142,7 +142,7 @@ class SerialEncoder(Sensor):
         )
 
     def diagnostics(self) -> Sequence[DiagnosticStatus]:
-        """One row for the link, and one for each encoder as last read."""
+        """Return one diagnostics row for the link, and one for each encoder as last read."""
         source = self._source
         if source is None or not self._sequence:
             return ()
@@ -178,7 +178,7 @@ class SerialEncoder(Sensor):
         self._ready.clear()
 
     def _trackers_from_now_on(self) -> list[Tracker]:
-        """Those so far, where the encoders know their angle; a microcontroller may count from 0 again."""
+        """Keep the trackers of absolute encoders; a microcontroller may restart at 0."""
         settings = self.settings
         counts_turns_itself = settings.protocol == LINE
         if self._trackers and not counts_turns_itself:

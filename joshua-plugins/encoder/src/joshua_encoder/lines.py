@@ -1,8 +1,8 @@
-"""Counts as lines of text: bytes in, counts out, no input or output.
+"""Parser of counts in lines of text: bytes in, counts out. Does no I/O.
 
-A line is a count, then if the sender likes the time of its clock in microseconds, and for an AS5600 the
-content of its status register, with commas between; then if it likes ``*`` and a CRC-8 (polynomial 0x07) of
-all before as two hexadecimal digits.
+A line holds, separated by commas, a count, optionally the sender's time in microseconds, and for an AS5600
+its status register. Optionally ``*`` and a CRC-8 (polynomial 0x07) of everything before follow, as two
+hexadecimal digits.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-#: A sender that has shown a CRC once must show it on every line.
+#: A sender that has sent a CRC once must send it on every line.
 _LINE = re.compile(
     rb"\s*([+-]?\d{1,20})(?:\s*[,;]\s*(\d{1,20}))?(?:\s*[,;]\s*(\d{1,3}))?\s*(?:\*([0-9A-Fa-f]{2}))?\s*"
 )
@@ -26,10 +26,10 @@ class Count:
     """One line.
 
     Attributes:
-        count: as it stands there.
-        time_us: of the sender's clock, None if it does not say.
-        status: of an AS5600, None if it does not say.
-        end: bytes of the stream up to the end of the line.
+        count: as sent.
+        time_us: of the sender's clock, None if not sent.
+        status: of an AS5600, None if not sent.
+        end: offset of the end of the line in the stream.
     """
 
     count: int
@@ -41,13 +41,13 @@ class Count:
 class LineParser:
     """Finds counts in a stream of bytes.
 
-    What stands before the first end of a line is left out, for its beginning was not seen.
+    Text before the first line end is skipped because its beginning is missing.
 
     Args:
-        largest: counts beyond it are refused; None for no limit.
+        largest: largest valid count; None for no limit.
 
     Attributes:
-        good, bad: lines so far; last_bad: the last one that could not be read, for messages.
+        good, bad: lines so far; last_bad: the last invalid line, for messages.
     """
 
     def __init__(self, largest: int | None = None) -> None:
@@ -60,7 +60,7 @@ class LineParser:
         self._needs_crc = False
 
     def feed(self, data: bytes) -> list[Count]:
-        """Take the next bytes; return the lines that are complete with them."""
+        """Add bytes; return the lines that they complete."""
         self._buffer += data
         counts = []
         *lines, rest = self._buffer.split(b"\n")
@@ -78,7 +78,7 @@ class LineParser:
             else:
                 self.good += 1
                 counts.append(count)
-        if len(rest) > _LONGEST_LINE:  # no line is so long: its end will be that of a broken one
+        if len(rest) > _LONGEST_LINE:  # no valid line is this long: its end will belong to a broken line
             self._offset += len(rest)
             self.bad += 1
             self.last_bad = rest[:_LONGEST_LINE]
@@ -109,7 +109,7 @@ class LineParser:
 
 
 def crc8(data: bytes) -> int:
-    """CRC-8 with the polynomial x^8 + x^2 + x + 1, from 0 on, the highest bit first."""
+    """Return the CRC-8 with polynomial x^8 + x^2 + x + 1, initial value 0, most significant bit first."""
     crc = 0
     for byte in data:
         crc ^= byte

@@ -1,4 +1,4 @@
-"""The node of rotary encoders: a sensor's node that judges their line in MODE_TEST."""
+"""The node of rotary encoders: a sensor node that checks the serial line in MODE_TEST."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class EncoderNode(SensorNode):
     """Publishes the joints of one link."""
 
     def test_results(self) -> list[tuple[str, bool, str]]:
-        """The rows of a sensor, then how whole the line is and where the joints stand."""
+        """Return the rows of a sensor, then the condition of the line and the joint positions."""
         rows = super().test_results()
         if not isinstance(self._sensor, SerialEncoder):
             return rows

@@ -13,13 +13,13 @@ from typing_extensions import Self
 
 LINE, AS5600, AMT21 = "line", "as5600", "amt21"
 
-#: Address of an AMT21 at delivery.
+#: Factory address of an AMT21.
 USUAL_ADDRESS = 0x54
 
 AS5600_RESOLUTION = 4096
 AMT21_RESOLUTIONS = (16384, 4096)
 
-#: How often encoders are asked where the node does not say.
+#: Polling rate if the node does not set one.
 USUAL_RATE_HZ = 100.0
 
 
@@ -27,12 +27,12 @@ class EncoderSettings(SerialSettings):
     """Settings of rotary encoders.
 
     Attributes:
-        resolution: counts in one revolution.
-        inverted: counts the other way round.
+        resolution: counts per revolution.
+        inverted: count in the opposite direction.
         protocol: line, as5600 or amt21.
-        joint_names: one for each encoder; addresses: of AMT21 encoders, empty for the other protocols.
-        counter_range: number of different counts after which a counter starts again; 0: it never does.
-        rate_hz: how often encoders that answer are asked, the rate of the node's fastest publisher.
+        joint_names: one for each encoder; addresses: of AMT21 encoders, empty for other protocols.
+        counter_range: number of counts after which the counter wraps; 0: never.
+        rate_hz: polling rate of encoders that are polled: the rate of the node's fastest publisher.
     """
 
     resolution: int

@@ -1,4 +1,4 @@
-"""Where counts come from: a line that sends by itself, or a bus that is asked."""
+"""Sources of counts: a device that streams lines, or a bus that is polled."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from joshua_encoder.lines import MAGNET_FOUND, Count, LineParser
 from joshua_encoder.settings import AS5600, AS5600_RESOLUTION, EncoderSettings
 from joshua_encoder.trust import Trust
 
-#: A microcontroller that restarts when its port is opened needs this long for its first line.
+#: Time until the first line of a microcontroller that restarts when its port is opened.
 FIRST_LINE_S = 4.0
 
-#: Silence after which an encoder counts as lost, of the time in which this process was there to listen.
+#: Time without data after which an encoder counts as disconnected; stalls of this process do not count.
 STALE_S = 1.0
 
-#: How much longer than usual an encoder is waited for on a machine that has more to do than it can.
+#: Factor on the usual timeout on an overloaded machine.
 BUSY_FACTOR = 3.0
 
-#: How long an AMT21 is waited for; USB adapters hold bytes back for up to 16 ms.
+#: Reply timeout of an AMT21; USB adapters hold bytes back for up to 16 ms.
 ANSWER_S = 0.025
 SEARCH_ANSWER_S = 0.005
 
@@ -33,23 +33,23 @@ AMT21_BAUDRATE = 2_000_000
 _LARGEST_ADDRESS = 252
 _SPEEDS = (115_200, 9_600, 57_600, 230_400, 1_000_000, 38_400, 19_200, 250_000, 460_800, 500_000, 921_600)
 _LISTEN_S = 0.3
-_SURE = 3  # lines that are no accident
+_SURE = 3  # consecutive valid lines that are no coincidence
 _CHUNK_S = 0.002
 _LARGEST_CHUNK = 64
 _RETRIES = 2
-_FIRST_ATTEMPTS = 40  # to reach an encoder that should be there
-_LATE_ATTEMPTS = 3  # more of them, where what came may have been late answers
-_LATE_ADDRESSES = 10  # that may have been asked before an answer comes
-_MOST_ASKS = 6  # of one encoder in one round, while its line is in doubt
+_FIRST_ATTEMPTS = 40  # attempts to reach a configured encoder
+_LATE_ATTEMPTS = 3  # further attempts if the bytes received may be late replies
+_LATE_ADDRESSES = 10  # requests that may be sent before a reply arrives
+_MOST_ASKS = 6  # requests to one encoder in one round while its line is not trusted
 _MICROSECONDS = 1 << 32  # of a microcontroller's 32-bit clock
 _NS_PER_US = 1_000
 
 
 class Counts(NamedTuple):
-    """Counts of all encoders of a link, taken together.
+    """Simultaneous counts of all encoders of a link.
 
     Attributes:
-        stamp_ns: when, ns since the epoch; time_ns: when, on the best clock for distances of time.
+        stamp_ns: acquisition time, ns since the epoch; time_ns: the same on the best clock for intervals.
     """
 
     stamp_ns: int
@@ -58,10 +58,10 @@ class Counts(NamedTuple):
 
 
 class Source(ABC):
-    """The encoders at an open port.
+    """The encoders on an open port.
 
     Attributes:
-        damaged: lines or answers so far that could not be used.
+        damaged: unusable lines or replies so far.
     """
 
     def __init__(self, port: SerialPort, settings: EncoderSettings) -> None:
@@ -72,11 +72,11 @@ class Source(ABC):
 
     @abstractmethod
     def start(self) -> None:
-        """Make sure that the encoders are there. Raises DeviceError."""
+        """Check that the encoders reply. Raises DeviceError."""
 
     @abstractmethod
     def read(self, deadline_s: float) -> list[Counts]:
-        """Wait for counts, at most until a time of the monotonic clock. Raises DeviceDisconnected."""
+        """Wait for counts until a monotonic deadline. Raises DeviceDisconnected."""
 
 
 class LineSource(Source):
@@ -87,7 +87,7 @@ class LineSource(Source):
         self._parser = self._new_parser()
         self._received = 0
         self._ready: list[Counts] = []
-        self._time_us: int | None = None  # of the sender's clock, going on beyond 32 bits
+        self._time_us: int | None = None  # of the sender's clock, extended beyond 32 bits
         self._byte_s = self._good_s = self._awake.now_s()
         self._no_magnet = False
 
@@ -133,8 +133,8 @@ class LineSource(Source):
         if count.time_us is not None:
             step = 1 if self._time_us is None else (count.time_us - self._time_us) % _MICROSECONDS
             if step == 0:
-                return  # a line that was sent twice says nothing new
-            if self._time_us is None or step > _MICROSECONDS // 2:  # its clock began again
+                return  # a repeated line holds no new count
+            if self._time_us is None or step > _MICROSECONDS // 2:  # its clock restarted
                 self._time_us = count.time_us
             else:
                 self._time_us += step
@@ -166,7 +166,7 @@ class LineSource(Source):
         return f"{self.port}: the encoder repeats the same time: restart the program on its microcontroller"
 
     def _explain(self) -> DeviceError:
-        """Say why no line came."""
+        """Raise the error that explains why no line was received."""
         port, parser, asked = self.port, self._parser, self.port.baudrate
         if self._no_magnet:
             return DeviceError(self._stale())
@@ -197,7 +197,7 @@ class LineSource(Source):
 
 
 class Amt21Source(Source):
-    """AMT21 encoders on RS-485, which answer when their address is sent."""
+    """AMT21 encoders on RS-485, which reply when their address is sent."""
 
     def __init__(self, port: SerialPort, settings: EncoderSettings) -> None:
         super().__init__(port, settings)
@@ -208,7 +208,7 @@ class Amt21Source(Source):
         self._trust = {address: Trust(settings.resolution) for address in settings.addresses}
 
     def start(self) -> None:
-        """Ask each encoder."""
+        """Poll each encoder."""
         missing = [
             address
             for address in self.settings.addresses
@@ -220,7 +220,7 @@ class Amt21Source(Source):
         self._good_s = self._awake.now_s()
 
     def read(self, deadline_s: float) -> list[Counts]:
-        """Wait for the time of the next round, then ask each encoder."""
+        """Wait for the next round, then poll each encoder."""
         now_s = time.monotonic()
         self._awake.now_s()
         if self._due_s > deadline_s:
@@ -244,7 +244,7 @@ class Amt21Source(Source):
         return [Counts(stamp_ns, stamp_ns, tuple(counts))]
 
     def _ask(self, address: int) -> int | None:
-        """Ask one encoder until an answer counts; None if too many are missing or in doubt."""
+        """Poll one encoder until a reply is trusted; None if too many are missing or doubtful."""
         trust, missing = self._trust[address], 0
         trust.begin()
         for _ in range(_MOST_ASKS):
@@ -252,7 +252,7 @@ class Amt21Source(Source):
             begun_s = time.monotonic()
             self.port.send(bytes((address,)))
             answer = self.port.receive(length, time.monotonic() + ANSWER_S)
-            if len(answer) < length:  # late, or not at all: the line may be whole
+            if len(answer) < length:  # a late or missing reply; the line may be sound
                 missing += 1
                 if missing == _RETRIES:
                     return None
@@ -263,14 +263,14 @@ class Amt21Source(Source):
                 trust.damaged()
             else:
                 now_s = time.monotonic()
-                # a second question to each encoder must not cost the rate
+                # a second request to each encoder must not reduce the rate
                 hurried = 2 * (now_s - begun_s) * len(self.settings.addresses) > self._period_s
                 if trust.take(count, now_s, hurried=hurried):
                     return count
         return None
 
     def _answers(self, address: int, timeout_s: float = ANSWER_S, attempts: int = _RETRIES) -> bool:
-        """Whether an encoder answers; learns whether the adapter returns what is sent."""
+        """Return whether an encoder replies; also detects whether the adapter echoes."""
         for attempt in range(attempts + _LATE_ATTEMPTS):
             self.port.send(bytes((address,)))
             answer = self.port.receive(ANSWER_LENGTH + 1, time.monotonic() + timeout_s)
@@ -278,21 +278,21 @@ class Amt21Source(Source):
             if len(answer) == ANSWER_LENGTH + echo and _checked(answer[-ANSWER_LENGTH:]):
                 self._echo = echo
                 return True
-            if answer:  # among it may be answers to earlier questions: the line must fall silent
+            if answer:  # may include replies to earlier requests: wait until the line is idle
                 self.port.receive(_LARGEST_CHUNK, time.monotonic() + timeout_s)
             elif attempt + 1 >= attempts:
                 return False
         return False
 
     def _heard(self, timeout_s: float) -> list[int]:
-        """Addresses of the bus at which something may answer; an answer does not say from where it is."""
+        """Return the addresses that may reply; a reply does not contain its address."""
         addresses = range(0, _LARGEST_ADDRESS + 1, 4)
         heard: set[int] = set()
         clock, began_s = witness(), time.monotonic()
         rounds = [*enumerate(addresses)] * 2
         for number, (place, address) in enumerate(rounds):
             if number == len(addresses) and not clock.missed_s(began_s, time.monotonic()):
-                break  # the second round is for a process that was stalled in the first
+                break  # the second round covers a stall of this process in the first
             for _ in range(_RETRIES):
                 self.port.send(bytes((address,)))
                 if self.port.receive(ANSWER_LENGTH + 1, time.monotonic() + timeout_s):
@@ -311,7 +311,7 @@ class Amt21Source(Source):
             f"{port}: the AMT21 at address {listed} answers only intermittently: check its power, both wires "
             "of the bus and its termination"
         )
-        if all(self._answers(address, patient_s) for address in missing):  # each of them once more
+        if all(self._answers(address, patient_s) for address in missing):  # poll each of them again
             return at_times
         for speed in dict.fromkeys((asked, AMT21_BAUDRATE, 115_200, 9_600, 19_200, 38_400)):
             if not _runs_at(port, speed):
@@ -336,7 +336,7 @@ class Amt21Source(Source):
 
 
 def _runs_at(port: SerialPort, speed: int) -> bool:
-    """Set a line speed; whether the adapter can run at it. Raises PortDisconnected."""
+    """Set a line speed; return whether the adapter supports it. Raises PortDisconnected."""
     try:
         port.set_baudrate(speed)
     except PortUnusable:

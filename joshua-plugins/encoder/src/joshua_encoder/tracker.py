@@ -1,23 +1,23 @@
-"""From counts to a position that continues over any number of turns, and a velocity."""
+"""Multi-turn position and velocity from counts."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
 
-#: The velocity is that of this last stretch of time, or of the last two counts where they lie farther apart.
+#: Window of the velocity estimate; the last two counts are used if they lie farther apart.
 VELOCITY_WINDOW_NS = 50_000_000
 
 _NS_PER_S = 1_000_000_000
 
 
 class Tracker:
-    """Follows one encoder.
+    """Tracks one encoder.
 
     Args:
-        resolution: counts in one revolution.
-        modulus: number of different counts after which the encoder starts again; 0: it never does.
-        inverted: counts the other way round.
+        resolution: counts per revolution.
+        modulus: number of counts after which the encoder wraps; 0: never.
+        inverted: count in the opposite direction.
     """
 
     def __init__(self, resolution: int, modulus: int, *, inverted: bool) -> None:
@@ -29,7 +29,7 @@ class Tracker:
 
     @property
     def position_rad(self) -> float:
-        """Position; of an encoder that knows its angle, from its own zero on."""
+        """Position; relative to its own zero for an absolute encoder."""
         return self.ticks * self._rad
 
     @property
@@ -41,14 +41,14 @@ class Tracker:
         return (last - first) * self._rad * _NS_PER_S / (last_ns - first_ns)
 
     def resume(self) -> None:
-        """Begin a new stretch of time after a pause; the turns so far stay."""
+        """Restart the velocity estimate after a pause; keep the turn count."""
         self._recent.clear()
 
     def add(self, count: int, time_ns: int) -> None:
-        """Take a count and its time, of any clock that continues.
+        """Add a count and its time on any monotonic clock.
 
-        An encoder that starts again after ``modulus`` counts is taken to have gone the shorter way, so it
-        must be read more than twice while it passes them all.
+        An encoder that wraps after ``modulus`` counts is assumed to have moved the shorter way, so it must be
+        read more than twice per wrap.
         """
         if self._last is None or not self._modulus:
             self.ticks = count
@@ -57,7 +57,7 @@ class Tracker:
             self.ticks += (count - self._last + half) % self._modulus - half
         self._last = count
         if self._recent and time_ns <= self._recent[-1][0]:
-            self._recent.clear()  # the clock of the sender began again
+            self._recent.clear()  # the sender's clock restarted
         self._recent.append((time_ns, self.ticks))
         while len(self._recent) > 2 and time_ns - self._recent[1][0] >= VELOCITY_WINDOW_NS:
             self._recent.popleft()

@@ -1,55 +1,55 @@
-"""Whether an answer of an encoder counts whose check bits are weak; no input or output.
+"""Plausibility check for encoder replies with weak check bits. Does no I/O.
 
-Two check bits let one damaged answer in four pass, and a high bit of a position is a quarter of a turn. So at
-the start, and after each answer that shows damage, an answer counts only once it goes with another one that
-was asked for just before; when ``TRUST_RUN`` in a row were whole, each counts by itself.
+Two check bits let one damaged reply in four pass, and a high bit of a position is a quarter of a turn. At the
+start, and after each visibly damaged reply, a reply is therefore accepted only if it agrees with the previous
+one. After ``TRUST_RUN`` valid replies in a row, each is accepted by itself.
 """
 
 from __future__ import annotations
 
-#: Whole answers in a row after which a line is trusted. With one damaged byte in a hundred none is so long.
+#: Valid replies in a row after which a line is trusted; not reached with one damaged byte in a hundred.
 TRUST_RUN = 500
 
-#: How far apart two answers of a shaft that stands still may be, in counts: the encoder's own noise.
+#: Noise of the encoder at standstill, in counts.
 _NEAR = 2
 
-#: How inexactly the time between two answers is known.
+#: Uncertainty of the time between two replies.
 _JITTER_S = 0.001
 
-#: The same, as share of the way, where the speed is known from two answers alone.
+#: Relative uncertainty of the motion if the speed is known from only two replies.
 _JITTER_SHARE = 0.25
 
 
 class Trust:
-    """Judges the answers of one encoder.
+    """Judges the replies of one encoder.
 
     Args:
-        resolution: counts in one revolution.
+        resolution: counts per revolution.
     """
 
     def __init__(self, resolution: int) -> None:
         self._resolution = resolution
         self._run = 0
         self._damages = 0
-        self._last: tuple[int, float] | None = None  # that counted
-        self._speed = 0.0  # counts a second between those that counted
+        self._last: tuple[int, float] | None = None  # last accepted count
+        self._speed = 0.0  # counts per second between accepted replies
         self._pending: tuple[int, float] | None = None
         self._pending_speed: float | None = None
 
     def begin(self) -> None:
-        """A new round of questions begins."""
+        """Begin a new round of requests."""
         self._pending = self._pending_speed = None
 
     def damaged(self) -> None:
-        """An answer showed damage."""
+        """Report a damaged reply."""
         self._run = 0
         self._damages += 1
 
     def take(self, count: int, time_s: float, *, hurried: bool = False) -> bool:
-        """Take a whole answer; return whether it counts.
+        """Add a valid reply; return whether to accept it.
 
         Args:
-            hurried: there is no time to ask again, unless the line is known to damage answers.
+            hurried: there is no time for another request, unless the line is known to be noisy.
         """
         self._run += 1
         trusted = self._run > TRUST_RUN or (hurried and not self._damages)
@@ -62,7 +62,7 @@ class Trust:
         return True
 
     def _agrees(self, count: int, time_s: float) -> bool:
-        """Whether it goes with the one before, at the speed of late or that of the two before."""
+        """Return whether a count agrees with the previous one at a recent speed."""
         before, self._pending = self._pending, (count, time_s)
         if before is None or time_s <= before[1]:
             return False
@@ -75,6 +75,6 @@ class Trust:
         return abs(way - expected) <= _NEAR + abs(expected) * _JITTER_SHARE
 
     def _way(self, first: int, second: int) -> int:
-        """Count from one position to another, the shorter way."""
+        """Return the signed distance between two positions, the shorter way."""
         half = self._resolution // 2
         return (second - first + half) % self._resolution - half

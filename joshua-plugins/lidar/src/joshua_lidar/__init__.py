@@ -1,1 +1,1 @@
-"""Laser scanners with a serial link: parsers of their protocols, and one LaserScan a turn."""
+"""Laser scanners with a serial link: protocol parsers, and one LaserScan per turn."""

@@ -1,4 +1,4 @@
-"""When each byte of a stream was on the line."""
+"""Estimate of when each byte of a stream was on the line."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from joshua_serial.port import BITS_PER_BYTE
 from joshua_lidar.samples import Offsets
 
 _NS_PER_S = 1_000_000_000
-_KEPT = 4096  # pieces; packets that are held back must still find theirs
+_KEPT = 4096  # chunks; packets that are held back still need theirs
 
-#: Stretch of time from which the usual rate of a line is known, and the last stretch that it is taken from.
+#: Shortest and longest window in which the usual rate of a line is measured.
 _USUAL_FROM_NS = 500_000_000
 _USUAL_OVER_NS = 2_000_000_000
 
-#: A pause that brings less than half of what usually comes in it was the sender's.
+#: A pause in which less than half the usual bytes arrive was caused by the sender.
 _PAUSE_NS = 250_000_000
 
 
 class Arrivals:
-    """Remembers when pieces of the stream came; a byte was sent as long before as those behind it took.
+    """Records when chunks of the stream arrived and dates each byte back by the bytes after it.
 
-    A piece is what came since the last look: some packets with pauses between them, or many that had waited
-    because nobody looked. So its bytes came at the usual rate of the stream, as soon as that is known; until
-    then at that of the line.
+    A chunk is what arrived since the last read: a few packets with pauses between them, or many that had to
+    wait for the reader. Its bytes are assumed to arrive at the usual rate of the stream once that is known,
+    and at the line rate before.
 
     Args:
-        baudrate: of the line, with ten bits a byte.
+        baudrate: of the line, with ten bits per byte.
     """
 
     def __init__(self, baudrate: int) -> None:
@@ -39,15 +39,15 @@ class Arrivals:
         self._received = 0
         self._last_ns = 0
         self._pace_ns = self._byte_ns  # as known before the marks
-        self._marks: deque[tuple[int, int]] = deque()  # bytes and times from which the usual rate is measured
+        self._marks: deque[tuple[int, int]] = deque()  # byte counts and times for measuring the usual rate
 
     def add(self, size: int, now_ns: int) -> None:
-        """Note that a piece came now."""
+        """Record that a chunk arrived now."""
         if not size:
             return
         pause_ns = now_ns - self._last_ns
         if pause_ns > _PAUSE_NS and 2 * size * self._usual_ns(self._last_ns) < pause_ns:
-            self._pace_ns = self._usual_ns(self._last_ns)  # until there is a new one
+            self._pace_ns = self._usual_ns(self._last_ns)  # until a new rate is measured
             self._marks.clear()
         self._last_ns = now_ns
         self._received += size
@@ -60,14 +60,14 @@ class Arrivals:
             self._marks.popleft()
 
     def _usual_ns(self, now_ns: int) -> float:
-        """Time from byte to byte on average, as far as it is known."""
+        """Return the average time per byte, as far as it is known."""
         count, since_ns = self._marks[0] if self._marks else (0, now_ns)
         if now_ns - since_ns < _USUAL_FROM_NS or self._received <= count:
             return self._pace_ns
         return max(self._byte_ns, (now_ns - since_ns) / (self._received - count))
 
     def times_ns(self, end: Offsets) -> Offsets:
-        """When the last bytes of packets were on the line, by their places in the stream."""
+        """Return when the bytes at stream offsets were on the line."""
         pieces, times = np.array(self._ends), np.array(self._times_ns)
         piece = np.minimum(np.searchsorted(pieces, end), len(pieces) - 1)
         behind_ns = (pieces[piece] - end) * np.array(self._paces_ns)[piece]
@@ -75,7 +75,7 @@ class Arrivals:
         return result
 
     def forget(self, before: int) -> None:
-        """Forget pieces that end before a place of the stream."""
+        """Forget chunks that end before a stream offset."""
         while len(self._ends) > 1 and self._ends[0] < before:
             self._ends.popleft()
             self._times_ns.popleft()

@@ -1,4 +1,4 @@
-"""From measurements to scans: one a turn, on beams that stay the same."""
+"""Assembly of measurements into scans: one per turn, on fixed beams."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ _NS_PER_S = 1_000_000_000
 _ROUNDING = 1e-6
 _FEWEST_TIMES = 3
 
-#: Silence in turns after which nobody knows how often the scanner has turned.
+#: Pause, in turns, after which the number of turns is unknown.
 _LONGEST_GAP_TURNS = 0.4
 
-#: How far, in turns, the line through the times of a turn may reach beyond now; on a busy machine, which
-#: reads the packets of a turn in two or three pieces, that is a quarter of a turn.
+#: How far, in turns, the line fitted to the times of a turn may extend beyond now; on a busy machine, which
+#: reads a turn in two or three chunks, that is a quarter of a turn.
 _LARGEST_LEAD_TURNS = 0.5
 
 
 @dataclass(frozen=True)
 class Beams:
-    """The beams of every scan, as a LaserScan describes them.
+    """Beam layout of all scans, as in a LaserScan.
 
     Attributes:
-        angle_min_rad, angle_max_rad: first and last beam; increment_rad: between two.
+        angle_min_rad, angle_max_rad: first and last beam; increment_rad: between neighbours.
         count: of beams.
     """
 
@@ -38,7 +38,7 @@ class Beams:
 
     @staticmethod
     def of(angle_min_rad: float, angle_max_rad: float, beams_per_turn: int) -> Beams:
-        """The beams from a smallest angle on, as far as a window reaches and one turn goes."""
+        """Return the beams from the smallest angle to the end of the window, at most one turn."""
         increment = math.tau / beams_per_turn
         width = angle_max_rad - angle_min_rad
         count = min(math.floor(width / increment + _ROUNDING) + 1, beams_per_turn)
@@ -51,12 +51,12 @@ class Scan:
 
     Attributes:
         stamp_ns: when beam 0 was measured, ns since the epoch.
-        time_increment_s: from beam to beam; negative, for these scanners turn clockwise.
-        turn_s: length of the turn.
+        time_increment_s: from beam to beam; negative because these scanners turn clockwise.
+        turn_s: duration of the turn.
         ranges_m: shape (beams,), float32, by REP 117: -inf is nearer than range_min, +inf is farther than
             range_max, NaN was not measured.
         intensities: shape (beams,), float32, in the scanner's own scale; empty where it sends none.
-        points: measurements of the turn, those outside the window included.
+        points: measurements of the turn, including those outside the window.
     """
 
     stamp_ns: int
@@ -79,10 +79,10 @@ class Scan:
     __hash__ = None  # type: ignore[assignment]
 
     def not_later_than(self, now_ns: int) -> Scan | None:
-        """This scan with a stamp that is not in the future; None if that takes more than jitter.
+        """Return this scan with a stamp that is not in the future; None if it is off by more than jitter.
 
-        Where a turn ends with a packet, its last beam was measured just now, and a line through all times of
-        the turn may reach a little beyond.
+        If a turn ends with a packet, its last beam was measured just now, and the line fitted to the times of
+        the turn may extend slightly beyond.
         """
         lead_ns = self.stamp_ns - now_ns
         if lead_ns <= 0:
@@ -92,20 +92,19 @@ class Scan:
 
 
 class TurnAssembler:
-    """Cuts the measurements into turns where the window ends, so that time runs evenly through a scan.
+    """Splits the measurements into turns at the end of the window, so time is continuous within a scan.
 
     Args:
-        beams: of each scan; each takes the nearest measurement, if that is no farther away than the distance
-            of two measurements or two beams.
-        range_min_m, range_max_m: distances that count.
-        seam_rad: how far angles may jump back and forth from one measurement to the next.
+        beams: of each scan; each takes the nearest measurement within the spacing of measurements or beams.
+        range_min_m, range_max_m: valid distances.
+        seam_rad: largest jitter of the angle between consecutive measurements.
     """
 
     def __init__(self, beams: Beams, range_min_m: float, range_max_m: float, seam_rad: float = 0.0) -> None:
         self._beams = beams
         self._range_min_m, self._range_max_m = range_min_m, range_max_m
         self._seam_rad = seam_rad
-        # A turn begins at the end of the window, for the scanner turns clockwise.
+        # A turn begins at the end of the window because the scanner turns clockwise.
         self._top_rad = beams.angle_min_rad + min(math.tau, (beams.count - 0.5) * beams.increment_rad)
         self._beam_turned = self._top_rad - (
             beams.angle_min_rad + beams.increment_rad * np.arange(beams.count)
@@ -114,15 +113,15 @@ class TurnAssembler:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the turn that is under way."""
+        """Discard the current turn."""
         self._samples = NOTHING
         self._times: Offsets = np.zeros(0, np.int64)
         self._turned: Floats = np.zeros(0)
-        self._next_turn = 1  # the first one was not seen from its beginning
+        self._next_turn = 1  # the first turn is incomplete
         self._started = False
 
     def add(self, samples: Samples, times_ns: Offsets) -> list[Scan]:
-        """Take measurements; return the scans that are complete with them.
+        """Add measurements; return the scans that they complete.
 
         Args:
             times_ns: when the packet of each measurement was sent, ns since the epoch.
@@ -184,7 +183,7 @@ class TurnAssembler:
         )
 
     def _timing(self, inside: npt.NDArray[np.bool_], begin_rad: float) -> tuple[float, float]:
-        """Nanoseconds a radian, and when the turn began, from the last measurement of each packet."""
+        """Fit time over angle to the last measurement of each packet; return ns per radian and the start."""
         ends = np.append(np.diff(self._samples.end) != 0, True)
         last = np.flatnonzero(inside & ends)
         if len(last) < _FEWEST_TIMES:
@@ -213,7 +212,7 @@ class TurnAssembler:
 
 
 def _nearest(values: Floats, wanted: Floats) -> npt.NDArray[np.intp]:
-    """Indices of the values, which rise, that lie nearest to those wanted."""
+    """Return the indices of the sorted values that are nearest to the wanted ones."""
     right = np.clip(np.searchsorted(values, wanted), 0, len(values) - 1)
     left = np.maximum(right - 1, 0)
     closer: npt.NDArray[np.intp] = np.where(

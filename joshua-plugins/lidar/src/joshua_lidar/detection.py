@@ -1,4 +1,4 @@
-"""Finds out which scanner is at a port, and says why the expected one is not."""
+"""Detection of the scanner on a port, and an explanation if it is not the expected one."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ from joshua_lidar.stop_bytes import STOP_BYTES
 LISTEN_S = 0.4
 ANSWER_S = 0.15
 
-#: How much longer than that everything may take on a machine that has held this process up.
+#: Factor on all timeouts if this process was stalled.
 BUSY_FACTOR = 3.0
 
-#: How long a sender of whatever kind is listened to for its first byte.
+#: Longest wait for the first byte of any streaming scanner.
 FIRST_BYTE_S = 0.3
 
-#: An LDS-01 sends nothing before it turns.
+#: An LDS-01 sends nothing until it turns.
 SPIN_UP_S = 3.0
 
-#: Packets in a row that are no accident.
+#: Packets in a row that are no coincidence.
 _SURE = 6
 _CHUNK = 128
 _LDS01 = "lds01"
 
 
 def detect(port: SerialPort) -> str:
-    """Name of the model at a port, at the line speed that the port has; "" if none is found.
+    """Return the name of the model on a port at its present line speed; "" if none is found.
 
-    A scanner that sends by itself is known by its packets; others are asked. Raises PortDisconnected.
+    A streaming scanner is recognised by its packets; others are queried. Raises PortDisconnected.
     """
     clock, began_s = witness(), time.monotonic()
     found = _detect(port, 1.0)
@@ -65,7 +65,7 @@ def _detect(port: SerialPort, factor: float) -> str:
 
 
 def explain(port: SerialPort, expected: Model | None) -> DeviceError:
-    """Say why a scanner does not answer as expected, by looking for any at every line speed."""
+    """Return why a scanner does not reply as expected, after a search at every line speed."""
     asked_baudrate = port.baudrate
     what = f"a laser scanner ({expected.title})" if expected else "a laser scanner"
     bytes_seen = 0
@@ -74,7 +74,7 @@ def explain(port: SerialPort, expected: Model | None) -> DeviceError:
         try:
             port.set_baudrate(baudrate)
         except PortUnusable:
-            continue  # a speed that the adapter cannot run at cannot be the scanner's
+            continue  # the scanner cannot use a speed that the adapter does not support
         port.discard_input()
         if baudrate == asked_baudrate:
             bytes_seen = len(port.receive(1, time.monotonic() + FIRST_BYTE_S))
@@ -111,7 +111,7 @@ def explain(port: SerialPort, expected: Model | None) -> DeviceError:
 
 
 def _listen(port: SerialPort, duration_s: float) -> str:
-    """Name of the model whose packets come."""
+    """Return the name of the model whose packets arrive."""
     parsers: dict[str, Parser] = {
         "ld19": Ld06Parser(_SURE),
         _LDS01: Lds01Parser(_SURE),

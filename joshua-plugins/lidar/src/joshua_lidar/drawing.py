@@ -1,4 +1,4 @@
-"""A scan as a picture from above: pixels for a file or a window, characters for a terminal."""
+"""Top view of a scan: pixels for a file or window, characters for a terminal."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _SEEN = (226, 238, 250)
 _RING = (196, 204, 212)
 _ECHO = (20, 60, 130)
 _SCANNER = (220, 60, 30)
-_DOT = 2  # pixels around an echo, and three times as many around the scanner
+_DOT = 2  # half size of an echo in pixels; the scanner is three times as large
 _MARGIN = 1.08
 _LEAST_REACH_M = 0.5
-_OUTLIERS = 98  # percentile of the ranges that the picture reaches to
+_OUTLIERS = 98  # percentile of the ranges that sets the scale
 _MOST_RINGS = 6
 
-# Digits of 3 x 5 dots, a row a number; the metres at the rings.
+# 3 × 5 dot digits, one number per row, for the labels of the rings in metres.
 _DIGITS = {
     "0": (7, 5, 5, 5, 7),
     "1": (2, 6, 2, 2, 7),
@@ -46,7 +46,7 @@ _BRAILLE_START = 0x2800
 
 
 def top_view(scan: Scan, beams: Beams, size_px: int = 600) -> Pixels:
-    """Draw a scan, x (ahead) up and y to the left: what was seen through, rings of metres, and the echoes.
+    """Draw a scan with x (ahead) up and y to the left: free space, range rings in metres, and echoes.
 
     Returns:
         Shape (size_px, size_px, 3), uint8, RGB.
@@ -76,7 +76,7 @@ def top_view(scan: Scan, beams: Beams, size_px: int = 600) -> Pixels:
 
 @lru_cache(maxsize=4)
 def _grid(beams: Beams, size_px: int) -> tuple[Floats, npt.NDArray[np.intp], npt.NDArray[np.bool_]]:
-    """Of each pixel: distance from the middle, beam (past the last: none), part of the scanner's arrow."""
+    """Return for each pixel: distance from the centre, beam (past the last: none), part of the arrow."""
     row, column = np.mgrid[0:size_px, 0:size_px]
     ahead, left = size_px / 2 - row - 0.5, size_px / 2 - column - 0.5
     away = np.hypot(ahead, left)

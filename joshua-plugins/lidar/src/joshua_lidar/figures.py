@@ -1,4 +1,4 @@
-"""Figures of a running scanner."""
+"""Statistics of a running scanner."""
 
 from __future__ import annotations
 
@@ -8,20 +8,19 @@ from dataclasses import dataclass
 
 _WINDOW = 50
 
-#: Damaged places as share of the packets above which a line is not in order.
+#: Share of damaged packets above which a line is reported as faulty.
 DAMAGED_SHARE = 0.01
 
 
 @dataclass(frozen=True)
 class Figures:
-    """Figures since the scanner was opened.
+    """Statistics since the scanner was opened.
 
     Attributes:
-        turn_hz: turns per second, median of the last ones; 0 before the first.
-        points: measurements of a turn, median of the last ones.
-        coverage: share of the beams that measured something, or say that nothing is in reach; of the last
-            scans, 0 to 1.
-        turns: complete turns; packets: accepted; damaged: places of the stream that were left out.
+        turn_hz: turns per second, median of recent turns; 0 before the first.
+        points: measurements per turn, median of recent turns.
+        coverage: share of beams with a measurement or with nothing in range, over recent scans, 0 to 1.
+        turns: complete turns; packets: accepted; damaged: skipped parts of the stream.
     """
 
     turn_hz: float
@@ -32,7 +31,7 @@ class Figures:
     damaged: int
 
     def line(self) -> str:
-        """One line for people."""
+        """Return the statistics as one line of text."""
         return (
             f"{self.turn_hz:.1f} turns a second, {self.points} points a turn, "
             f"{self.coverage:.0%} of the beams measured, {self.packets} packets, {self.damaged} damaged"
@@ -40,7 +39,7 @@ class Figures:
 
 
 class FigureKeeper:
-    """Collects the figures."""
+    """Collects the statistics."""
 
     def __init__(self) -> None:
         self.turns = self.packets = self.damaged = 0
@@ -56,7 +55,7 @@ class FigureKeeper:
         self._coverage.append(coverage)
 
     def figures(self) -> Figures:
-        """The figures now."""
+        """Return the present statistics."""
         if not self.turns:
             return Figures(0.0, 0, 0.0, 0, self.packets, self.damaged)
         return Figures(

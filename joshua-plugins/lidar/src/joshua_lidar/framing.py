@@ -1,4 +1,4 @@
-"""Finds packets in a stream of bytes, from any place on, and judges whether the line can be trusted."""
+"""Packet framing in a byte stream from any offset, with a check whether the line can be trusted."""
 
 from __future__ import annotations
 
@@ -7,36 +7,36 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 #: Packets in a row that make a line trustworthy. An 8-bit checksum lets one damaged packet in 256 through,
-#: one of two equal damages even more often; on a line that damages every other packet some would get past.
+#: and equal pairs of errors more often; on a line that damages every other packet some would get past.
 TRUST_RUN = 32
 
-#: Good packets after which a single damaged one does not end the trust.
+#: Good packets after which a single damaged one does not revoke trust.
 FORGIVE_RUN = 2 * TRUST_RUN
 
 
 class Packet(NamedTuple):
-    """One packet: its place in the stream and its bytes."""
+    """One packet: its offset in the stream and its bytes."""
 
     start: int
     data: bytes
 
     @property
     def end(self) -> int:
-        """Bytes of the stream up to its end."""
+        """Offset of its end in the stream."""
         return self.start + len(self.data)
 
 
 class PacketFinder(ABC):
-    """Finds packets that have a header and a checksum, back to back in a stream.
+    """Finds contiguous packets with a header and a checksum in a stream.
 
-    After a damaged place the search goes on one byte behind the header that was none, so no whole packet is
-    lost, whatever stands before it. At the beginning, and after two damaged places close to each other,
-    packets are held back until ``trust_run`` of them have come without a byte between them; those count, and
-    all after them. On a line that damages every other packet nothing counts.
+    After damage the search resumes one byte behind the false header, so no intact packet is lost. At the
+    start, and after two damages close together, packets are held back until ``trust_run`` of them have
+    arrived without a gap; these and all later ones are accepted. On a line that damages every other packet
+    nothing is accepted.
 
     Args:
-        header: how a packet begins.
-        shortest: bytes from which ``length`` can be told.
+        header: first bytes of a packet.
+        shortest: number of bytes that ``length`` needs.
         trust_run: packets in a row that make the line trustworthy; 1 accepts each.
     """
 
@@ -55,14 +55,14 @@ class PacketFinder(ABC):
 
     @abstractmethod
     def length(self, buffer: bytes, start: int) -> int:
-        """Length of the packet whose first ``shortest`` bytes stand at a place; 0 if none can be."""
+        """Return the length of the packet that begins at an offset; 0 if it cannot be one."""
 
     @abstractmethod
     def valid(self, packet: bytes) -> bool:
-        """Whether the checksum, and what else must hold, holds."""
+        """Return whether the checksum and all other constraints hold."""
 
     def find(self, data: bytes) -> list[Packet]:
-        """Take the next bytes; return the packets that count from now on."""
+        """Add bytes; return the packets that are now accepted."""
         buffer = self._buffer + data
         size, place = len(buffer), 0
         counted: list[Packet] = []

@@ -32,11 +32,11 @@ LASER_SCAN = "sensor_msgs/msg/LaserScan"
 #: Longest wait for the first scan; motors take seconds to come up to speed.
 FIRST_SCAN_S = 10.0
 
-#: Longest wait for the first packet; some send none before they turn as fast as they should.
+#: Longest wait for the first packet; some scanners send none until they reach their speed.
 FIRST_PACKET_S = 5.0
 
-#: Silence after which a line counts as dead; time without a packet that counts, and without a whole turn; of
-#: the time in which this process was there to listen.
+#: Longest time without a byte, without a valid packet, and without a complete turn; stalls of this process do
+#: not count.
 SILENT_S = 2.0
 NO_PACKET_S = 2.5
 NO_TURN_S = 3.0
@@ -44,12 +44,12 @@ NO_TURN_S = 3.0
 _CHUNK_S = 0.01
 _LARGEST_CHUNK = 255
 
-# A reader that was stalled finds much at once; the system hands it over in pieces, with moments between.
+# After a stall the reader finds many bytes, which the system delivers in chunks with short gaps.
 _PIECE = 4096
 _PIECE_S = 0.002
 _LARGEST_BACKLOG = 1 << 17
 
-#: More than any scanner sends in such a moment.
+#: More than any scanner sends in such a gap.
 _MORE_COMES = 512
 
 
@@ -87,42 +87,42 @@ class SerialLidar(Sensor):
 
     @property
     def data_types(self) -> tuple[str, ...]:
-        """Laser scans."""
+        """Message types: laser scan."""
         return (LASER_SCAN,)
 
     @property
     def connected(self) -> bool:
-        """Whether the scanner turns."""
+        """Whether the scanner is running."""
         return self._parser is not None
 
     @property
     def figures(self) -> Figures:
-        """Figures since the scanner was opened last."""
+        """Statistics since the scanner was last opened."""
         return self._keeper.figures()
 
     @property
     def facts(self) -> str:
-        """Data of the scanner, for people; "" before it was opened."""
+        """Description of the scanner; "" before it was opened."""
         if self._link is None:
             return ""
         return self._link.facts or self._link.model.title
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings about the scanner, known after it was opened."""
+        """Warnings about the scanner, available after it was opened."""
         return tuple(self._link.warnings) if self._link is not None else ()
 
     def cancel(self) -> None:
-        """End a wait of ``connect``; any thread."""
+        """Abort a waiting ``connect``. Thread-safe."""
         self._cancelled.set()
 
     def connect(self) -> None:
         """Open the port, find the scanner, start its motor and wait for the first whole turn.
 
         Raises:
-            DeviceError: port or scanner is missing, busy, not allowed, another one, at another line speed, or
-                does not turn. The message names port and remedy. The motor is off then.
-            Cancelled: the run ends; the motor is off then, too.
+            DeviceError: port or scanner is missing, busy, forbidden, of another model, at another line speed,
+                or does not turn. The message names port and remedy. The motor is then off.
+            Cancelled: the run ends; the motor is then off.
         """
         if self.connected:
             raise DeviceError(f"{self._port} is open already: disconnect first")
@@ -140,8 +140,8 @@ class SerialLidar(Sensor):
         """Wait for the next turn.
 
         Raises:
-            DeviceDisconnected: the adapter was unplugged, the scanner is silent, its motor stands still, or
-                its line is too noisy to trust.
+            DeviceDisconnected: the adapter was unplugged, the scanner sends nothing, its motor stopped, or
+                its line is too noisy.
         """
         self.require_connected("read")
         deadline_s = time.monotonic() + timeout_s
@@ -156,7 +156,7 @@ class SerialLidar(Sensor):
         return reading
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
-        """Make a LaserScan; beam i was measured at stamp + i * time_increment."""
+        """Return a LaserScan; beam i was measured at stamp + i * time_increment."""
         scan: Scan = reading.data
         beams = self.beams
         assert beams is not None
@@ -174,7 +174,7 @@ class SerialLidar(Sensor):
         )
 
     def implausible(self, reading: Reading) -> str:
-        """Say when a range lies outside the limits, or nothing at all was measured."""
+        """Report ranges outside the limits, and scans without any measurement."""
         scan: Scan = reading.data
         measured = scan.ranges_m[np.isfinite(scan.ranges_m)]
         low, high = np.float32(self.settings.range_min_m), np.float32(self.settings.range_max_m)
@@ -186,7 +186,7 @@ class SerialLidar(Sensor):
         return ""
 
     def diagnostics(self) -> Sequence[DiagnosticStatus]:
-        """One row: how the scanner turns, and what its line is like."""
+        """Return one diagnostics row: rotation and condition of the line."""
         link, figures = self._link, self.figures
         if link is None or not figures.turns:
             return ()
@@ -264,7 +264,7 @@ class SerialLidar(Sensor):
             if now_s > deadline_s:
                 raise DeviceError(self._stalled())
             self._receive(time.monotonic() + _CHUNK_S)
-        self._ready.clear()  # the motor was still coming up to speed
+        self._ready.clear()  # the motor was still speeding up
 
     def _stop_link(self) -> None:
         if self._link is not None:
@@ -281,7 +281,7 @@ class SerialLidar(Sensor):
         self._take(data, self._clock.now_ns())
 
     def _backlog(self) -> bytes:
-        """Further bytes that arrived while this process did not run."""
+        """Return further bytes that arrived while this process was stalled."""
         found = piece = self._port.receive(_PIECE, time.monotonic())
         while len(piece) > _MORE_COMES and len(found) < _LARGEST_BACKLOG:
             piece = self._port.receive(_PIECE, time.monotonic() + _PIECE_S)

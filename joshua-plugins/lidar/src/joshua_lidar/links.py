@@ -1,4 +1,4 @@
-"""How each family of scanners is started and stopped."""
+"""Start and stop of each family of scanners."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ _STANDARD, _LEGACY, _DENSE = 0x81, 0x82, 0x85
 
 
 class NoAnswerError(DeviceError):
-    """The scanner does not answer, or what answers is no such scanner; the caller finds out what is there."""
+    """No reply, or a reply from another device. The caller identifies the device."""
 
 
 class Link(ABC):
-    """A scanner of one family at an open port.
+    """A scanner of one family on an open port.
 
     Attributes:
-        seam_rad: how far its angles jump back and forth.
-        facts: what the scanner says about itself, for people; warnings: what the user should know.
+        seam_rad: jitter of its angles.
+        facts: description that the scanner reports; warnings: for the user.
     """
 
     seam_rad = 0.0
@@ -49,13 +49,13 @@ class Link(ABC):
 
     @abstractmethod
     def start(self, scan_mode: str) -> tuple[Parser, bytes]:
-        """Start motor and measurements; return the parser of what comes, and bytes that came already.
+        """Start motor and measurements; return the parser and the bytes received so far.
 
         Raises DeviceError.
         """
 
     def stop(self) -> None:
-        """Stop measurements and motor where the scanner can be told to. Never raises."""
+        """Stop measurements and motor if the scanner supports it. Never raises."""
         with contextlib.suppress(DeviceError, OSError):
             for message in STOP_BYTES[self.model.name]:
                 self.port.send(message)
@@ -63,9 +63,9 @@ class Link(ABC):
             self._set_dtr(running=False)
 
     def _set_dtr(self, *, running: bool) -> None:
-        """Switch the motor of a scanner whose adapter takes DTR as its switch.
+        """Switch the motor of a scanner whose adapter uses DTR as the switch.
 
-        Where lowered DTR is off, the system lowers it even when the process is killed.
+        If low DTR means off, the system lowers it even when the process is killed.
         """
         still = STILL_DTR.get(self.model.name)
         if still is not None:
@@ -73,7 +73,7 @@ class Link(ABC):
 
 
 class OneWayLink(Link):
-    """LD06, LD19 and YDLIDAR X2: they send as long as they have power, the X2 while DTR is raised."""
+    """LD06, LD19 and YDLIDAR X2, which stream while powered; the X2 while DTR is high."""
 
     def __init__(self, port: SerialPort, model: Model) -> None:
         super().__init__(port, model)
@@ -81,7 +81,7 @@ class OneWayLink(Link):
             self.seam_rad = LARGEST_CORRECTION_RAD
 
     def start(self, scan_mode: str) -> tuple[Parser, bytes]:
-        """Drop what waited in the port; the motor turns."""
+        """Drop waiting bytes; the motor is already running."""
         self.port.discard_input()
         if self.model.name == "ydlidar_x2":
             self._set_dtr(running=True)
@@ -90,7 +90,7 @@ class OneWayLink(Link):
 
 
 class Lds01Link(Link):
-    """LDS-01: one letter starts it, another one stops it."""
+    """LDS-01: one letter starts it, another stops it."""
 
     def start(self, scan_mode: str) -> tuple[Parser, bytes]:
         """Start motor and measurements."""
@@ -104,7 +104,7 @@ class YdlidarLink(Link):
     seam_rad = LARGEST_CORRECTION_RAD
 
     def start(self, scan_mode: str) -> tuple[Parser, bytes]:
-        """Ask who it is, then start motor and measurements."""
+        """Query the identity, then start motor and measurements."""
         port = self.port
         requests.quieten(port)
         info = requests.ask(
@@ -130,7 +130,7 @@ class RplidarLink(Link):
     seam_rad = 0.05
 
     def start(self, scan_mode: str) -> tuple[Parser, bytes]:
-        """Ask who and how it is, then start motor and measurements."""
+        """Query identity and health, then start motor and measurements."""
         port = self.port
         requests.quieten(port)
         info = requests.ask(
@@ -166,7 +166,7 @@ class RplidarLink(Link):
         self.port.send(requests.request(requests.SET_PWM, MOTOR_PWM.to_bytes(2, "little")))
 
     def _express_mode(self) -> int:
-        """The number of the C1's express scan; the A1's is 0, which older firmware knows too."""
+        """Return the mode number of the express scan; 0 for the A1, which older firmware accepts too."""
         if self.model.name != "rplidar_c1":
             return 0
         answer = requests.ask(
@@ -176,7 +176,7 @@ class RplidarLink(Link):
 
     def _check_health(self) -> None:
         status, code = self._health()
-        if status == _ERROR:  # a reset ends a protection stop whose cause is gone
+        if status == _ERROR:  # a reset clears a protection stop whose cause is gone
             self.port.send(requests.request(requests.RESET))
             time.sleep(RESET_S)
             self.port.discard_input()

@@ -1,10 +1,10 @@
-"""The scanners that can be driven, as data; free of numpy, for settings and messages."""
+"""The supported scanners as data, without numpy, for settings and messages."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-#: Ways of an RPLIDAR to send its measurements.
+#: Scan modes of an RPLIDAR.
 EXPRESS, STANDARD = "express", "standard"
 
 
@@ -13,13 +13,13 @@ class Model:
     """One scanner.
 
     Attributes:
-        name: as in ``LidarConfig.model``; title: for people.
-        family: which commands it knows: rplidar, ydlidar, lds01, or none.
-        baudrate: the only line speed that it has.
-        beams: of one turn in the published scan, about as many as it measures; standard_beams: the same for
-            an RPLIDAR's standard scan.
-        turn_hz: turns per second that are usual.
-        power: what it needs, for messages.
+        name: as in ``LidarConfig.model``; title: display name.
+        family: command set: rplidar, ydlidar, lds01, or none.
+        baudrate: its fixed line speed.
+        beams: per turn in the published scan, about as many as it measures; standard_beams: the same for an
+            RPLIDAR's standard scan.
+        turn_hz: nominal turns per second.
+        power: required supply, for messages.
     """
 
     name: str
@@ -37,7 +37,7 @@ class Model:
         return f"a {self.title}" if self.title.startswith("Y") else f"an {self.title}"
 
     def beams_in(self, scan_mode: str) -> int:
-        """Beams of one turn in a scan mode."""
+        """Return the beams per turn in a scan mode."""
         return self.standard_beams if self.standard_beams and scan_mode == STANDARD else self.beams
 
 
@@ -59,7 +59,7 @@ MODELS = {
     )
 }
 
-#: Model numbers that RPLIDARs and YDLIDARs answer with.
+#: Model numbers that RPLIDARs and YDLIDARs report.
 RPLIDAR_NUMBERS = {0x18: "rplidar_a1", 0x41: "rplidar_c1"}
 YDLIDAR_NUMBERS = {6: "ydlidar_x4"}
 
@@ -68,5 +68,5 @@ SAME_STREAM = ({"ld06", "ld19"},)
 
 
 def same_stream(first: str, second: str) -> bool:
-    """Whether two models send the same."""
+    """Return whether two models have identical streams."""
     return first == second or any({first, second} <= group for group in SAME_STREAM)

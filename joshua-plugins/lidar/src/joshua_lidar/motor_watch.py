@@ -1,6 +1,7 @@
-"""Stops a scanner's motor when the process that started it was killed: a process that waits for that end.
+"""Watchdog process that stops a scanner's motor if the driver process is killed.
 
-The program gets one line of JSON on standard input: where the scanner is and what stops it. When its input
+The program receives one line of JSON on standard input: the port of the scanner and the stop requests. If its
+    input
 ends after the line ``done``, the driver has stopped the motor itself; otherwise this program does.
 """
 
@@ -18,7 +19,7 @@ from joshua.api.clocks import AwakeClock
 from joshua_serial.port import SerialPort
 from joshua_serial.usb_ports import Endpoint
 
-#: How long the port of a driver that was killed may still be in use.
+#: How long the port of a killed driver may stay in use.
 PATIENCE_S = 3.0
 
 _RETRY_S = 0.02
@@ -28,12 +29,12 @@ _DONE = "done"
 
 
 class MotorWatch:
-    """The driver's handle on that process.
+    """The driver's handle to the watchdog process.
 
     Args:
         path: of the port; baudrate: its line speed.
-        messages: what stops the scanner, in this order.
-        dtr: how DTR stands at the end; None leaves it as it is.
+        messages: stop requests, in order.
+        dtr: final state of DTR; None leaves it unchanged.
     """
 
     def __init__(self, path: str, baudrate: int, messages: tuple[bytes, ...], dtr: bool | None) -> None:
@@ -54,7 +55,7 @@ class MotorWatch:
         return self._process.pid
 
     def close(self) -> None:
-        """Let the process end without doing anything. Idempotent."""
+        """Let the process end without stopping the motor. Idempotent."""
         if self._process.stdin is None or self._process.stdin.closed:
             return
         self._send(_DONE)
@@ -68,7 +69,7 @@ class MotorWatch:
 
     def _send(self, line: str) -> None:
         assert self._process.stdin is not None
-        with contextlib.suppress(OSError):  # it has ended; there is nothing better to do than to go on
+        with contextlib.suppress(OSError):  # it has ended; continue without it
             self._process.stdin.write(line.encode() + b"\n")
             self._process.stdin.flush()
 
@@ -99,7 +100,7 @@ def stop_scanner(order: dict[str, Any]) -> bool:
 
 
 def main() -> int:
-    """Wait for the end of the driver; 1 where the scanner could not be stopped."""
+    """Wait for the end of the driver. Exit code 1 if the scanner could not be stopped."""
     lines = sys.stdin.read().splitlines()
     if not lines or lines[-1] == _DONE:
         return 0

@@ -1,4 +1,4 @@
-"""The node of a laser scanner: a sensor's node with figures, a picture of the last scan and a window."""
+"""The node of a laser scanner: a sensor node with statistics, a picture of the last scan and a window."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from joshua_lidar.models import Model
 
 FIGURES_PERIOD_S = 1.0
 
-#: What MODE_TEST asks of a scanner: turns a second that deviate by no more than this share of the usual ones,
-#: measurements of a turn and beams that measured as shares of all beams.
+#: Criteria of MODE_TEST: relative deviation of the turn rate from nominal, and measurements per turn and
+#: measured beams as shares of all beams.
 TURN_TOLERANCE = 0.4
 LEAST_POINTS = 0.6
 LEAST_COVERAGE = 0.5
@@ -31,7 +31,7 @@ Row = tuple[str, bool, str]
 class LidarNode(SensorNode):
     """Publishes a laser scanner's scans.
 
-    In MODE_TEST it logs live figures each second, draws the last scan into the log and leaves a picture of it
+    In MODE_TEST it logs statistics each second, draws the last scan into the log and saves a picture of it
     beside the log; with ``display`` it shows the scans in a window.
     """
 
@@ -58,14 +58,14 @@ class LidarNode(SensorNode):
         self.context.create_timer(FIGURES_PERIOD_S, self._log_figures, name="figures")
 
     def deactivate(self) -> None:
-        """End a connection attempt that is under way."""
+        """Abort a running connection attempt."""
         if isinstance(self._sensor, SerialLidar):
             self._sensor.cancel()
         if self._preview is not None:
             self._preview.close()
 
     def observe(self, reading: Reading) -> None:
-        """Keep the newest scan for the window and for the end of a test."""
+        """Keep the newest scan for the window and the end of a test."""
         scan: Scan = reading.data
         self._last_scan = scan
         beams = self.lidar.beams
@@ -73,7 +73,7 @@ class LidarNode(SensorNode):
             self._preview.show(lambda: top_view(scan, beams))
 
     def test_results(self) -> list[Row]:
-        """The rows of a sensor, then scanner, turns, points, coverage, line and the last scan."""
+        """Return the rows of a sensor, then scanner, turns, points, coverage, line and the last scan."""
         rows = super().test_results()
         if not self._testing or not isinstance(self._sensor, SerialLidar):
             return rows
@@ -118,7 +118,7 @@ class LidarNode(SensorNode):
 
 
 def judge(figures: Figures, model: Model, beams_per_turn: int) -> list[Row]:
-    """Rows of MODE_TEST on the figures of a scanner."""
+    """Return the rows of MODE_TEST for the statistics of a scanner."""
     turns = abs(figures.turn_hz - model.turn_hz) <= TURN_TOLERANCE * model.turn_hz
     hint = "" if turns else f": free its rotor and check its power ({model.power})"
     points = figures.points >= LEAST_POINTS * beams_per_turn

@@ -1,4 +1,4 @@
-"""Requests to scanners that take some, and their answers: RPLIDAR and YDLIDAR share one form."""
+"""Requests and replies of RPLIDAR and YDLIDAR scanners, which share one format."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ INFO_LENGTH, HEALTH_LENGTH, CONF_LENGTH = 20, 3, 4
 
 ANSWER_TIMEOUT_S = 0.5
 
-#: How often a scanner is asked who and how it is.
+#: Attempts to query identity and health.
 ATTEMPTS = 3
 
-#: A scanner that is told to stop sends what it has begun; after this time the line is quiet.
+#: A scanner that is told to stop finishes its packet; after this time the line is idle.
 QUIET_S = 0.03
 
 _SHORTEST = {INFO_ANSWER: INFO_LENGTH, HEALTH_ANSWER: HEALTH_LENGTH, CONF_ANSWER: CONF_LENGTH}
@@ -35,7 +35,7 @@ _READ_AHEAD_S = 0.02
 
 
 class Answer(NamedTuple):
-    """An answer: its type, its content, and bytes that followed it."""
+    """A reply: its type, its content, and the bytes that followed it."""
 
     kind: int
     data: bytes
@@ -43,7 +43,7 @@ class Answer(NamedTuple):
 
 
 def request(command: int, payload: bytes = b"") -> bytes:
-    """The bytes of a request; one with a payload carries its length and the XOR of all bytes."""
+    """Return the bytes of a request; with a payload it carries the length and the XOR of all bytes."""
     head = bytes((_SYNC, command))
     if not payload:
         return head
@@ -54,7 +54,7 @@ def request(command: int, payload: bytes = b"") -> bytes:
 def ask(
     port: SerialPort, message: bytes, kind: int, timeout_s: float = ANSWER_TIMEOUT_S, *, attempts: int = 1
 ) -> Answer | None:
-    """Send a request and wait for its answer; None when none of that type came, or a shorter one.
+    """Send a request and wait for its reply; None if none of that type and length arrives.
 
     Raises PortDisconnected.
     """
@@ -69,10 +69,10 @@ def ask(
 def await_answer(
     port: SerialPort, kinds: tuple[int, ...], timeout_s: float = ANSWER_TIMEOUT_S, *, many: bool = False
 ) -> Answer | None:
-    """Wait for an answer of one of several types. Earlier bytes are skipped.
+    """Wait for a reply of one of several types. Earlier bytes are skipped.
 
     Args:
-        many: the answer is a stream, of which the descriptor alone is waited for.
+        many: the reply is a stream; wait only for its descriptor.
     """
     clock = AwakeClock()
     received = b""
@@ -94,7 +94,7 @@ def await_answer(
 
 
 def quieten(port: SerialPort) -> None:
-    """End a scan that a program before this one has left running, and drop what was on the line."""
+    """Stop a scan that an earlier program left running, and drop waiting bytes."""
     for command in (STOP, YDLIDAR_STOP):
         port.send(request(command))
     time.sleep(QUIET_S)

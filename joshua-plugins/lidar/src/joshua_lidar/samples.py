@@ -1,4 +1,4 @@
-"""Measurements as the parsers hand them on."""
+"""Measurements as returned by the parsers."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class Samples:
     """Measurements in the order in which they were taken; all arrays have one length.
 
     Attributes:
-        angle_rad: direction, counter-clockwise seen from above, 0 at the scanner's own zero mark (REP 103);
+        angle_rad: direction, counter-clockwise from above, 0 at the scanner's zero mark (REP 103);
             not reduced to one turn.
-        range_m: distance; NaN if the scanner says that it measured nothing.
-        intensity: of the echo in the scanner's own scale; NaN if it sends none.
-        end: bytes of the stream up to the end of the packet that brought the measurement.
+        range_m: distance; NaN if the scanner reports no measurement.
+        intensity: of the echo in the scanner's own scale; NaN if not sent.
+        end: stream offset of the end of the packet that contained the measurement.
     """
 
     angle_rad: Floats
@@ -37,7 +37,7 @@ class Samples:
 
 
 def samples_of(clockwise_rad: Floats, range_m: Floats, intensity: Floats | None, end: Offsets) -> Samples:
-    """Make samples of a scanner that turns clockwise and give 0 for distances that it did not measure."""
+    """Return samples of a clockwise scanner that reports 0 for missing measurements."""
     measured = np.where(range_m > 0, range_m, np.nan)
     if intensity is None:
         intensity = np.full(len(measured), np.nan)
@@ -48,7 +48,7 @@ NOTHING = Samples(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
 
 
 def joined(parts: Sequence[Samples]) -> Samples:
-    """Several samples as one."""
+    """Concatenate samples."""
     if len(parts) == 1:
         return parts[0]
     if not parts:
@@ -66,11 +66,11 @@ class Parser(Protocol):
 
     @property
     def packets(self) -> int:
-        """Packets that were accepted so far."""
+        """Packets accepted so far."""
 
     @property
     def damaged(self) -> int:
-        """Place so far at which bytes between packets, or a broken packet, were left out."""
+        """Number of places so far where stray bytes or a broken packet were skipped."""
 
     def feed(self, data: bytes) -> Samples:
-        """Take the next bytes; return the measurements that are complete with them."""
+        """Add bytes; return the measurements that they complete."""

@@ -12,7 +12,7 @@ from typing_extensions import Self
 
 from joshua_lidar.models import EXPRESS, MODELS
 
-#: How much more than a turn the window may be, for angles that were rounded up.
+#: Tolerance by which the window may exceed a turn, for rounded angles.
 _ROUNDING_RAD = 1e-3
 
 
@@ -22,8 +22,8 @@ class LidarSettings(SerialSettings):
     Attributes:
         angle_min_rad, angle_max_rad: the window that is published, counter-clockwise positive (REP 103).
         range_min_m, range_max_m: distances that count as measurements.
-        display: shows the scan in a window.
-        model: name of the model; "" if it is to be found out.
+        display: show the scans in a window.
+        model: name of the model; "" to detect it.
         scan_mode: of an RPLIDAR.
     """
 

@@ -1,4 +1,4 @@
-"""Stop requests of each scanner."""
+"""Stop requests by scanner model."""
 
 from __future__ import annotations
 
@@ -20,5 +20,5 @@ STOP_BYTES: dict[str, tuple[bytes, ...]] = {
     "ld19": (),
 }
 
-#: How DTR stands when the motor is off, where the adapter takes it as a switch.
+#: State of DTR for motor off, if the adapter uses it as a switch.
 STILL_DTR = {"rplidar_a1": True, "ydlidar_x2": False, "ydlidar_x4": False}

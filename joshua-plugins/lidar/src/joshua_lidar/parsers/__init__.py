@@ -1,1 +1,1 @@
-"""Parsers for scanners' streams, one protocol per file: bytes in, measurements out, no input or output."""
+"""Parsers of scanner streams, one protocol per file: bytes in, measurements out. They do no I/O."""

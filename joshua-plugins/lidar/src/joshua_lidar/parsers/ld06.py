@@ -49,7 +49,7 @@ class _Finder(PacketFinder):
         crc, table = 0, _CRC
         for byte in packet:
             crc = table[crc ^ byte]
-        if crc:  # over the packet and its CRC it is 0
+        if crc:  # 0 over a packet with its CRC
             return False
         first, last = packet[4] | packet[5] << 8, packet[42] | packet[43] << 8
         return first < _HUNDREDTHS and last < _HUNDREDTHS and (last - first) % _HUNDREDTHS < _LARGEST_SPAN
@@ -68,11 +68,11 @@ class Ld06Parser:
 
     @property
     def damaged(self) -> int:
-        """Damaged places so far."""
+        """Skipped parts of the stream so far."""
         return self._finder.damaged
 
     def feed(self, data: bytes) -> Samples:
-        """Take the next bytes."""
+        """Add bytes; return the measurements that they complete."""
         packets = self._finder.find(data)
         if not packets:
             return NOTHING

@@ -30,7 +30,7 @@ class _Finder(PacketFinder):
         return LENGTH
 
     def valid(self, packet: bytes) -> bool:
-        # the same byte twice: the complement of the sum of all before
+        # sent twice: the complement of the sum of all bytes before
         return packet[40] == packet[41] == 0xFF - (sum(packet[:40]) & 0xFF)
 
 
@@ -47,11 +47,11 @@ class Lds01Parser:
 
     @property
     def damaged(self) -> int:
-        """Damaged places so far."""
+        """Skipped parts of the stream so far."""
         return self._finder.damaged
 
     def feed(self, data: bytes) -> Samples:
-        """Take the next bytes."""
+        """Add bytes; return the measurements that they complete."""
         packets = self._finder.find(data)
         if not packets:
             return NOTHING

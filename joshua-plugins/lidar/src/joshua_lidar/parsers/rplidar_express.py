@@ -22,7 +22,7 @@ DENSE_POINTS = 40
 
 _HEADER = re.compile(rb"[\xa0-\xaf][\x50-\x5f]")
 _UNITS = 360 * 64  # of a start angle in a turn
-_START_BITS = 0x7FFF  # the bit above says that this capsule is the first after the scan began
+_START_BITS = 0x7FFF  # the bit above marks the first capsule of a scan
 _EIGHTH_RAD = np.radians(1 / 8)
 
 _Rows = npt.NDArray[np.uint8]
@@ -43,7 +43,7 @@ class _Decoder(Protocol):
 
 
 class _CapsuleParser:
-    """Completes each capsule with the start angle of the one that follows it without a byte between."""
+    """Completes each capsule with the start angle of its immediate successor."""
 
     def __init__(self, decode: _Decoder, trust_run: int) -> None:
         self._decode = decode
@@ -57,11 +57,11 @@ class _CapsuleParser:
 
     @property
     def damaged(self) -> int:
-        """Damaged places so far."""
+        """Skipped parts of the stream so far."""
         return self._finder.damaged
 
     def feed(self, data: bytes) -> Samples:
-        """Take the next bytes; the last capsule waits for the one after it."""
+        """Add bytes; the last capsule waits for its successor."""
         packets = self._finder.find(data)
         if not packets:
             return NOTHING

@@ -1,7 +1,8 @@
 """RPLIDAR's standard scan: nodes of 5 bytes with two check bits and no checksum.
 
-Where a node begins can be told only from many of them: in step with the line, the check bits of each are
-right, its angle lies in a turn, and the angle continues by little.
+Node boundaries can be found only from many nodes: at the right offset the check bits of each node match, its
+    angle
+is within a turn, and the angle advances in small steps.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from joshua_lidar.samples import MM, NOTHING, Samples, samples_of
 
 LENGTH = 5
 
-#: Nodes in a row that show where nodes begin.
+#: Nodes in a row that establish the node boundaries.
 SYNC_RUN = 32
 
 _UNITS = 360 * 64  # of an angle in a turn
@@ -32,7 +33,7 @@ class StandardParser:
         self._in_step = False
 
     def feed(self, data: bytes) -> Samples:
-        """Take the next bytes."""
+        """Add bytes; return the measurements that they complete."""
         self._buffer += data
         nodes: list[npt.NDArray[np.uint8]] = []
         starts: list[npt.NDArray[np.int64]] = []
@@ -59,7 +60,7 @@ class StandardParser:
         return samples_of(angle, quarters * (MM / 4), (table[:, 0] >> 2).astype(float), start + LENGTH)
 
     def _find_step(self) -> bool:
-        """Drop bytes up to the first node of a good run; False if none can be told yet."""
+        """Drop bytes up to the first node of a good run; return False if there is none yet."""
         need = self._sync_run * LENGTH
         size = len(self._buffer)
         if size < need:
@@ -69,7 +70,7 @@ class StandardParser:
         angle = _angle(line[1:-1], line[2:])
         step = (angle[LENGTH:] - angle[:-LENGTH] + _BACKWARDS) % _UNITS
         linked = good[:-LENGTH] & good[LENGTH:] & (step <= _BACKWARDS + _FORWARDS)
-        # a place fits when it and those one node apart after it are linked: count them in steps of a node
+        # an offset fits if it and the following nodes are linked: count them in steps of one node
         places = size - need + 1
         fits = np.ones(places, bool)
         for number in range(self._sync_run - 1):

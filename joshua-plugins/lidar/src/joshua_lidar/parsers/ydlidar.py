@@ -1,6 +1,6 @@
 """YDLIDAR X2 and X4: packets of 1 to 255 distances between two angles, with an XOR of 16-bit words.
 
-The laser sits beside the axis, so each angle is corrected by an amount that depends on the distance.
+The laser is offset from the axis, so each angle is corrected by an amount that depends on the distance.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ class YdlidarParser:
 
     @property
     def damaged(self) -> int:
-        """Damaged places so far."""
+        """Skipped parts of the stream so far."""
         return self._finder.damaged
 
     def feed(self, data: bytes) -> Samples:
-        """Take the next bytes."""
+        """Add bytes; return the measurements that they complete."""
         packets = self._finder.find(data)
         if not packets:
             return NOTHING
@@ -71,6 +71,6 @@ class YdlidarParser:
 
 
 def correction_rad(range_m: Floats) -> Floats:
-    """What is added to an angle, clockwise positive, for the laser's place beside the axis."""
+    """Return the angle correction, clockwise positive, for the laser's offset from the axis."""
     mm = np.where(range_m > 0, range_m / MM, _BASE_MM)  # nothing measured: nothing to correct
     return np.arctan(_LASER_MM * (_BASE_MM - mm) / (_BASE_MM * mm))
