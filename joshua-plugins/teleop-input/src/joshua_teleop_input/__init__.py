@@ -1,1 +1,1 @@
-"""Gamepads and the keyboard: a person drives."""
+"""Gamepads and the keyboard as input devices for driving joints."""

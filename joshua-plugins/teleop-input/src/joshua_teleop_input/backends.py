@@ -1,4 +1,4 @@
-"""How gamepads are read on this system."""
+"""Choice of the gamepad backend on this system."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
 
 
 def prefers_sdl(device: str) -> bool:
-    """Whether SDL reads a gamepad here: outside Linux, except for shared ones, which have a path."""
+    """Return whether SDL reads a gamepad: outside Linux, except shared gamepads, which have a path."""
     return sys.platform != "linux" and "/" not in device
 
 
 def sdl_instead(settings: GamepadSettings, reason: NoGamepadError) -> tuple[SdlPad, str]:
-    """Try SDL where the kernel's devices cannot be used.
+    """Try SDL if the kernel's devices cannot be used.
 
     Returns:
-        The gamepad, and what the user should know.
+        The gamepad, and a note for the user.
 
     Raises:
-        InputDeviceError: the reason, where SDL has no gamepad either; else why that one cannot be used.
+        InputDeviceError: the given reason if SDL has no gamepad either, or why its gamepad cannot be used.
     """
     if importlib.util.find_spec("pygame") is None:
         raise reason

@@ -1,4 +1,4 @@
-"""Numbers of the Linux input subsystem, as ``linux/input-event-codes.h`` names them."""
+"""Codes of the Linux input subsystem, from ``linux/input-event-codes.h``."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ _BUTTON_NAMES = {code: name for name, code in reversed(list(BUTTONS.items()))}
 
 
 def axis_name(code: int) -> str:
-    """Name of an axis, such as ``ABS_RX``; its number where it has none."""
+    """Return the name of an axis, such as ``ABS_RX``; its number if it has no name."""
     return _AXIS_NAMES.get(code, f"ABS_{code}")
 
 
 def button_name(code: int) -> str:
-    """Name of a button, such as ``BTN_SOUTH``; its number where it has none."""
+    """Return the name of a button, such as ``BTN_SOUTH``; its number if it has no name."""
     return _BUTTON_NAMES.get(code, f"BTN_{code:#x}")

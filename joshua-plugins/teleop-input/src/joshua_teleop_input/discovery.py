@@ -1,4 +1,4 @@
-"""Which gamepads there are, and which one a file means."""
+"""Find gamepads, and the one that a file refers to."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from joshua_teleop_input.events import Capabilities, InputEvent
 from joshua_teleop_input.kernel_device import KernelDevice
 from joshua_teleop_input.remote_device import RemoteDevice
 
-#: Where the kernel's input devices are.
+#: Folder of the kernel's input devices.
 DEVICE_FOLDER = Path("/dev/input")
 
 _GAMEPAD_BUTTONS = {BUTTONS["BTN_SOUTH"], BUTTONS["BTN_TRIGGER"], BUTTONS["BTN_0"]}
 
 
 class EventDevice(Protocol):
-    """A gamepad that hands over the kernel's records.
+    """A gamepad that delivers the kernel's input records.
 
     Attributes:
-        silence_limit_s: silence after which nothing that was heard can be trusted; None for no limit.
+        silence_limit_s: time without data after which the state is stale; None for no limit.
     """
 
     path: str
@@ -35,7 +35,7 @@ class EventDevice(Protocol):
     silence_limit_s: float | None
 
     def grab(self) -> None:
-        """Take the device for this process alone."""
+        """Grab the device exclusively for this process."""
 
     def read(self, timeout_s: float) -> list[InputEvent]:
         """Wait for records."""
@@ -49,7 +49,7 @@ class EventDevice(Protocol):
 
 @dataclass(frozen=True)
 class Found:
-    """A device file: its kind, or why it is unknown."""
+    """A device file with its capabilities, or the reason why they are unknown."""
 
     path: str
     capabilities: Capabilities | None
@@ -57,13 +57,13 @@ class Found:
 
     @property
     def is_gamepad(self) -> bool:
-        """Whether it has the buttons and axes of a gamepad or a joystick."""
+        """Return whether it has the buttons and axes of a gamepad or joystick."""
         device = self.capabilities
         return device is not None and bool(device.keys & _GAMEPAD_BUTTONS) and AXES["ABS_X"] in device.axes
 
 
 def find_devices(folder: Path) -> list[Found]:
-    """Look at every input device of this machine, in the order of their numbers."""
+    """Query every input device of this machine, by ascending number."""
     paths = sorted(folder.glob("event*"), key=lambda path: (len(path.name), path.name))
     return [_look_at(str(path)) for path in paths]
 
@@ -78,14 +78,14 @@ def _look_at(path: str) -> Found:
 
 
 def open_gamepad(wanted: str, folder: Path = DEVICE_FOLDER) -> EventDevice:
-    """Open the gamepad that a file means and take it for this process alone.
+    """Open the gamepad that a file refers to and grab it exclusively.
 
     Args:
-        wanted: path of a device or a socket, part of a name in whatever case, or "" for the first one.
-        folder: where devices are looked for.
+        wanted: path of a device or a socket, case-insensitive part of a name, or "" for the first gamepad.
+        folder: that contains the devices.
 
     Raises:
-        InputDeviceError: there is none, several fit, or it cannot be used.
+        InputDeviceError: no gamepad matches, several do, or it cannot be used.
     """
     device = _open_path(wanted) if "/" in wanted else KernelDevice(find_by_name(wanted, folder))
     try:
@@ -106,7 +106,7 @@ def _open_path(path: str) -> EventDevice:
 
 
 def find_by_name(wanted: str, folder: Path) -> str:
-    """Path of the gamepad with a name. Raises InputDeviceError; NoGamepadError where there is none at all."""
+    """Return the path of a gamepad by name. Raises InputDeviceError; NoGamepadError if there is none."""
     found = find_devices(folder)
     pads = [device for device in found if device.is_gamepad]
     fitting = [pad for pad in pads if pad.capabilities and wanted.lower() in pad.capabilities.name.lower()]

@@ -1,4 +1,4 @@
-"""Converts a person's input to commands for joints: gate, shaping, goals, and timing."""
+"""Conversion of user input to joint commands: gate, shaping, goals and timing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from joshua_teleop_input.gate import Gate
 from joshua_teleop_input.jog import Jog
 from joshua_teleop_input.settings import ControlSettings
 
-#: Without a button that switches driving on, commands go on for this time after the last motion.
+#: Without an enable button, commands continue for this time after the last motion.
 TAIL_S = 0.5
 
 Value = Callable[[str], float]
@@ -19,18 +19,18 @@ Value = Callable[[str], float]
 class Drive:
     """Turns states of an input device into commands; not thread-safe.
 
-    Commands are sent while driving is on, and then always for every driven joint. An axis or key that is
-    deflected when driving starts or the device appears counts only after it was centred.
+    Commands are sent only while driving is on, and then for every driven joint. An axis or key that is
+    deflected when driving starts or the device appears has no effect until it was centred.
 
     Args:
-        controls: what moves what.
-        gate: decides whether anything moves.
+        controls: mapping of inputs to joints.
+        gate: enables driving.
         jog: holds the goals.
-        shape: from a raw deflection to a share of the speed.
+        shape: maps a raw deflection to a share of the speed.
         release: name of the button that returns control to another commander; "" for none.
 
     Attributes:
-        returns_control: the button was pressed; whoever sends the message for that clears it.
+        returns_control: the button was pressed; cleared by the sender of the message.
     """
 
     def __init__(
@@ -53,24 +53,24 @@ class Drive:
 
     @property
     def sending(self) -> bool:
-        """Whether commands are sent just now."""
+        """Whether commands are being sent."""
         return self._sending
 
     @property
     def moving(self) -> dict[str, float]:
-        """Speeds in rad/s of the joints that move just now."""
+        """Speeds in rad/s of the moving joints."""
         return self._velocity() if self._sending else {}
 
     @property
     def deflections(self) -> list[float]:
-        """Deflection of each control, -1 to 1, whether or not it moves anything."""
+        """Deflection of each control, -1 to 1, even while driving is off."""
         return list(self._deflection)
 
     def take(self, value: Value) -> bool:
-        """Take a state of the device; return whether something began, ended or turned round.
+        """Update from a device state; return whether a motion started, ended or reversed.
 
         Args:
-            value: of an axis, button or key by name.
+            value: returns the value of an axis, button or key by name.
         """
         before = (self.gate.active, self._signs())
         self.gate.update(lambda name: value(name) >= 0.5)
@@ -89,9 +89,9 @@ class Drive:
         return before != (self.gate.active, self._signs())
 
     def release(self) -> bool:
-        """The device is lost or cannot be trusted: everything counts as released, driving as switched off.
+        """Treat all controls as released and switch driving off: the device is lost or stale.
 
-        Returns whether something was moving or switched on.
+        Returns whether anything was moving or switched on.
         """
         was = self.gate.active or any(self._deflection)
         self.gate.close()
@@ -100,9 +100,9 @@ class Drive:
         return was
 
     def command(self, now_s: float) -> dict[str, float] | None:
-        """The goals to send, in rad by joint; None while driving is off."""
+        """Return the goals to send, in rad by joint; None while driving is off."""
         if not self._wanted(now_s) or not self.jog.ready(now_s):
-            # The last goal stands: whoever holds the arm holds it there.
+            # The last goal stays valid: the follower holds the arm there.
             self._sending = False
             self.jog.end()
             return None
@@ -127,7 +127,7 @@ class Drive:
         return tuple((value > 0) - (value < 0) for value in self._deflection)
 
     def _velocity(self) -> dict[str, float]:
-        """Speed of each joint; several controls of one joint add up, to the fastest of them at most."""
+        """Return the speed of each joint; controls of one joint add up, limited to the fastest of them."""
         total: dict[str, float] = {}
         fastest: dict[str, float] = {}
         for control, deflection in zip(self._controls, self._deflection, strict=True):
@@ -141,5 +141,5 @@ class Drive:
 
 
 def limits_of(joints: Sequence[JointRange]) -> dict[str, tuple[float, float]]:
-    """Least and greatest angle by joint."""
+    """Return the minimum and maximum angle by joint."""
     return {joint.name: (joint.min_rad, joint.max_rad) for joint in joints}

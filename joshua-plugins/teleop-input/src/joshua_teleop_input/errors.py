@@ -6,8 +6,8 @@ from joshua.api import DeviceError
 
 
 class InputDeviceError(DeviceError):
-    """A gamepad or the terminal cannot be used. The message names it and the remedy."""
+    """A gamepad or the terminal cannot be used. The message names the device and the remedy."""
 
 
 class NoGamepadError(InputDeviceError):
-    """The kernel shows no gamepad at all, or nothing that this user may read."""
+    """The kernel lists no gamepad, or none that this user may read."""

@@ -1,4 +1,4 @@
-"""A gamepad that is read as the kernel's records, local or shared."""
+"""A gamepad, local or shared, read through the kernel's input records."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from joshua_teleop_input.settings import GamepadSettings
 
 
 class EventPad:
-    """An open gamepad; its first state is the one that it was found in.
+    """An open gamepad; its first state is that at opening.
 
     Args:
-        device: open; closed by ``close``.
-        settings: whose mapping says where this gamepad has what.
+        device: already open; ``close`` closes it.
+        settings: with the mapping of this gamepad.
     """
 
     def __init__(self, device: EventDevice, settings: GamepadSettings) -> None:
@@ -33,7 +33,7 @@ class EventPad:
         self._first: list[PadState] = [self._tracker.state()]
 
     def read(self, timeout_s: float) -> list[PadState]:
-        """Wait for new states; silence of a sender that should show life makes one, too."""
+        """Wait for new states; a missing heartbeat of the sender also yields one."""
         if self._first:
             states, self._first = self._first, []
             return states
@@ -65,10 +65,10 @@ class EventPad:
         self._device.close()
 
     def _report(self) -> list[PadState]:
-        """The states that a report of the device completes."""
+        """Yield the states that a report of the device completes."""
         states = []
         if self._lost_records:
-            # What was pressed meanwhile is unknown: first of all, everything counts as released.
+            # What was pressed in the meantime is unknown: first treat all controls as released.
             self._lost_records = False
             states.append(PadState(live=False))
             self._tracker.begin(self._device.resynchronise())
@@ -80,7 +80,7 @@ class EventPad:
 
 
 def layout_for(device: Capabilities, settings: GamepadSettings) -> dict[str, Source]:
-    """Where a device has what, the file's mapping first."""
+    """Return the layout of a device; the file's mapping takes precedence."""
     layout = standard_layout(device)
     for entry in settings.mapping:
         layout[entry.name] = mapped_source(entry.name, entry.source, entry.inverted)

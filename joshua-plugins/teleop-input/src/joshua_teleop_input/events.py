@@ -1,4 +1,4 @@
-"""``struct input_event``: the kernel's records of an input device."""
+"""``struct input_event``, the kernel's record of an input device."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 #: Seconds, microseconds, type, code, value; the layout of 64-bit Linux, little-endian.
 RECORD = struct.Struct("<qqHHi")
 
-#: The layout of the machine that this program runs on, for the devices of its own kernel.
+#: The native layout of this machine, for devices of its own kernel.
 NATIVE_RECORD = struct.Struct("llHHi")
 
 
@@ -30,8 +30,8 @@ class Capabilities:
     """Capabilities of a device and its present state.
 
     Attributes:
-        name: as the device calls itself; identity: bus, vendor, product, version.
-        keys: codes of its buttons; held: those that are pressed; axes: by code.
+        name: reported by the device; identity: bus, vendor, product, version.
+        keys: codes of its buttons; held: codes of the pressed buttons; axes: by code.
     """
 
     name: str
@@ -42,18 +42,18 @@ class Capabilities:
 
     @property
     def vendor(self) -> int:
-        """Number of the maker."""
+        """Vendor id."""
         return self.identity[1] if len(self.identity) > 1 else 0
 
     @property
     def product(self) -> int:
-        """The maker's number of the model."""
+        """Product id."""
         return self.identity[2] if len(self.identity) > 2 else 0
 
 
 @dataclass(frozen=True)
 class InputEvent:
-    """One record without its time."""
+    """One record without its timestamp."""
 
     type: int
     code: int
@@ -61,14 +61,14 @@ class InputEvent:
 
 
 class EventDecoder:
-    """Cuts a byte stream into records; a record that is not whole waits for its rest."""
+    """Splits a byte stream into records; an incomplete record waits for the rest."""
 
     def __init__(self, record: struct.Struct = RECORD) -> None:
         self._record = record
         self._rest = b""
 
     def feed(self, data: bytes) -> list[InputEvent]:
-        """Take bytes; return the records that they complete."""
+        """Add bytes; return the records that they complete."""
         data = self._rest + data
         size = self._record.size
         whole = len(data) - len(data) % size

@@ -1,4 +1,4 @@
-"""The gamepad as a sensor: each reading is a state of its sticks and buttons."""
+"""The gamepad as a sensor: each reading is the state of its sticks and buttons."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _JOINT_STATE = "sensor_msgs/msg/JointState"
 
 
 class Pad(Protocol):
-    """An open gamepad, whatever it is read by."""
+    """An open gamepad of any backend."""
 
     name: str
     names: frozenset[str]
@@ -38,10 +38,10 @@ class Pad(Protocol):
 class Gamepad(Sensor):
     """A gamepad; ``Reading.data`` is a ``PadState``.
 
-    The first reading after ``connect`` is the state that the device was found in.
+    The first reading after ``connect`` is the state at opening.
 
     Attributes:
-        note: what a user should know of how the device is read; "" for nothing.
+        note: hint for the user on how the device is read; "" for none.
     """
 
     def __init__(self, settings: GamepadSettings, context: SensorContext | None = None) -> None:
@@ -55,7 +55,7 @@ class Gamepad(Sensor):
 
     @property
     def data_types(self) -> tuple[str, ...]:
-        """What ``message`` makes; commands come from the node."""
+        """Type that ``message`` returns; the node publishes the commands."""
         return (JOY,)
 
     @property
@@ -65,11 +65,11 @@ class Gamepad(Sensor):
 
     @property
     def name(self) -> str:
-        """Name of the device that is or was open."""
+        """Name of the present or last device."""
         return self._name
 
     def connect(self) -> None:
-        """Open the device, and check that it has what the file uses. Raises InputDeviceError."""
+        """Open the device and check that it has the controls that the file uses. Raises InputDeviceError."""
         self.disconnect()
         pad = self._open()
         missing = [name for name in self._used() if name not in pad.names]
@@ -97,7 +97,7 @@ class Gamepad(Sensor):
         return reading
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
-        """Make a Joy, in the order of ROS 2's game_controller_node."""
+        """Return a Joy, in the order of ROS 2's game_controller_node."""
         if type_name != JOY:
             raise InputDeviceError(f"a gamepad's state is no {type_name}: allowed is {JOY}")
         axes, buttons = joy_values(reading.data, self.settings.dead_zone)

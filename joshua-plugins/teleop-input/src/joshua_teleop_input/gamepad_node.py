@@ -15,10 +15,10 @@ from joshua_teleop_input.pad_state import PadState
 from joshua_teleop_input.settings import GamepadSettings
 from joshua_teleop_input.shaping import with_expo, without_dead_zone
 
-#: Longest wait for a state, so that the stop is noticed.
+#: Longest wait for a state; bounds the delay of a stop request.
 READ_TIMEOUT_S = 0.1
 
-#: Share of its way from which something counts as moved in MODE_TEST.
+#: Share of its range from which a control counts as moved in MODE_TEST.
 MOVED_FROM = 0.5
 
 RECONNECT_FIRST_S = 0.25
@@ -26,10 +26,10 @@ RECONNECT_LARGEST_S = 5.0
 
 
 class GamepadNode(InputNode):
-    """Publishes a gamepad's state, and drives joints by it.
+    """Publishes a gamepad's state and drives joints with it.
 
-    When the gamepad vanishes nothing moves any more; it is opened again when it is back, and then driving has
-    to be switched on again.
+    When the gamepad is disconnected, all motion stops. The node reopens it as soon as it returns; driving
+    must then be switched on again.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -43,7 +43,7 @@ class GamepadNode(InputNode):
 
     @property
     def gamepad(self) -> Gamepad:
-        """The device."""
+        """Return the device."""
         assert self._gamepad is not None
         return self._gamepad
 
@@ -63,7 +63,7 @@ class GamepadNode(InputNode):
             self.context.warn(self.gamepad.note)
 
     def activate(self) -> None:
-        """Start the reader and say what moves what."""
+        """Start the reader and log the mapping of controls."""
         if self._reader_runs:
             return
         self._reader_runs = True
@@ -73,7 +73,7 @@ class GamepadNode(InputNode):
         self.context.spawn_thread(self._read, name="gamepad")
 
     def deactivate(self) -> None:
-        """Stop whatever moves."""
+        """Stop all motion."""
         if self._drive is not None:
             self.release()
 
@@ -83,7 +83,7 @@ class GamepadNode(InputNode):
             self._gamepad.disconnect()
 
     def publish_joy(self, publisher: MessagePublisher) -> None:
-        """Publish the newest state; nothing while the device is lost."""
+        """Publish the newest state; nothing while the device is disconnected."""
         reading = self._reading
         if reading is None:
             return
@@ -91,7 +91,7 @@ class GamepadNode(InputNode):
         publisher.publish(self.gamepad.message(now, JOY, self.context.spec.frame_id))
 
     def test_results(self) -> list[tuple[str, bool, str]]:
-        """Whether the device was there all the time, and what of it a person has tried."""
+        """Return the test rows: whether the device stayed connected, and which controls were used."""
         lost = f", lost {self._losses} times" if self._losses else ""
         row = ("gamepad", self._readings > 0 and not self._losses, f"{self.gamepad.name}{lost}")
         tried = (
@@ -125,7 +125,7 @@ class GamepadNode(InputNode):
             self.context.log.warning("the gamepad sends no data: all controls count as released")
 
     def _lose(self, error: DeviceDisconnected) -> None:
-        """Stop whatever moves, say so to those who hear the Joy, and let them hear nothing more."""
+        """Stop all motion, publish the released state as a last Joy, and publish no further ones."""
         self.release()
         self._losses += 1
         if self._reading is not None:

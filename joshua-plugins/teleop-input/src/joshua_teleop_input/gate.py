@@ -1,4 +1,4 @@
-"""Whether a person's input may move anything: dead-man button, switch, a fresh start after a loss."""
+"""Gate for user input: dead-man button, enable switch, and a fresh start after a disconnection."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ Pressed = Callable[[str], bool]
 class Gate:
     """Decides from the state of two buttons whether driving is on.
 
-    A button that is held when the device appears, or appears again, counts only after it was released.
+    A button that is held when the device appears or reappears has no effect until it was released.
 
     Args:
         dead_man: name of the button that must be held; "" for none.
-        enable: name of the button that switches driving on and off; "" for none.
+        enable: name of the button that toggles driving; "" for none.
     """
 
     def __init__(self, dead_man: str, enable: str) -> None:
@@ -27,12 +27,12 @@ class Gate:
 
     @property
     def has_buttons(self) -> bool:
-        """Whether driving has to be switched on at all."""
+        """Whether driving must be switched on."""
         return bool(self._dead_man or self._enable)
 
     @property
     def active(self) -> bool:
-        """Whether input moves anything."""
+        """Whether driving is on."""
         held = self._dead_man_held or not self._dead_man
         return self._live and held and (self._enabled or not self._enable)
 
@@ -42,7 +42,7 @@ class Gate:
         return self._enabled
 
     def update(self, pressed: Pressed) -> None:
-        """Take a state of a device that can be trusted."""
+        """Update from a valid device state."""
         self._live = True
         if self._dead_man:
             down = pressed(self._dead_man)
@@ -55,17 +55,17 @@ class Gate:
             self._enable_was_up = not down
 
     def switch_off(self) -> None:
-        """Switch driving off; buttons that are held count only after they were released."""
+        """Switch driving off; held buttons have no effect until they were released."""
         self._enabled = self._dead_man_held = False
         self._dead_man_was_up = self._enable_was_up = False
 
     def close(self) -> None:
-        """Switch driving off: the device is lost, or cannot be trusted."""
+        """Switch driving off because the device is disconnected or stale."""
         self.switch_off()
         self._live = False
 
     def describe(self) -> str:
-        """The state, for people."""
+        """Return the state as text."""
         if not self._live:
             return "off: no input device"
         if self._enable and not self._enabled:

@@ -1,4 +1,4 @@
-"""The usable buttons and keys, as lines for the screen."""
+"""Help text for the mapped buttons and keys."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _WORDS = {"up": "↑", "down": "↓", "left": "←", "right": "→"}
 
 
 def gamepad_help(settings: GamepadSettings) -> list[str]:
-    """One line for each control, and how driving is switched on."""
+    """Return one line for each control, and how to switch driving on."""
     switch = []
     if settings.enable_button:
         switch.append(f"{settings.enable_button}: switches driving on and off")
@@ -21,7 +21,7 @@ def gamepad_help(settings: GamepadSettings) -> list[str]:
 
 
 def keyboard_help(settings: KeyboardSettings) -> list[str]:
-    """One line for each control, and the other keys."""
+    """Return one line for each control, and the other keys."""
     lines = _controls(settings)
     if settings.enable_key:
         lines.append(f"{settings.enable_key}: switches driving on and off")

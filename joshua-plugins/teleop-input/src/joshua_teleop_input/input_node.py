@@ -1,4 +1,4 @@
-"""The base class of the nodes for gamepads and the keyboard: joints, commands, help."""
+"""Base class of the gamepad and keyboard nodes: joints, commands, help."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from joshua_teleop_input.settings import JOINT_STATE, InputSettings
 
 JOY = "sensor_msgs/msg/Joy"
 
-#: Silence of the thread that reads the device after which everything counts as released.
+#: Time without a sign of life of the reader thread after which all controls count as released.
 READER_LIMIT_S = 0.5
 
-#: Rate of goals where a node publishes none, for the state that people see.
+#: Rate of goals if the node publishes none, for the displayed state.
 _IDLE_RATE_HZ = 20.0
 
 
 class InputNode(NodeBehaviour):
-    """Drives joints by what a person does.
+    """Drives joints from user input.
 
-    A reader thread hands over states with ``take``; a command leaves at once when something begins or
-    ends, and at the rate of its topic while driving is on.
+    A reader thread passes states to ``take``. A command is published at once when a motion starts or ends,
+    and at the rate of its topic while driving is on.
     """
 
     def __init__(self, context: NodeContext) -> None:
@@ -49,7 +49,7 @@ class InputNode(NodeBehaviour):
 
     @property
     def drive(self) -> Drive:
-        """The drive of the joints."""
+        """Drive of the joints."""
         assert self._drive is not None
         return self._drive
 
@@ -81,7 +81,7 @@ class InputNode(NodeBehaviour):
         self._diagnostics.start()
 
     def reads(self, trouble: str = "") -> None:
-        """Sign of life of the thread that reads the device, at each of its turns; ``trouble`` for people."""
+        """Record a sign of life of the reader thread on each cycle; ``trouble`` is shown to the user."""
         self._read_s = time.monotonic()
         self._trouble = trouble
 
@@ -89,25 +89,25 @@ class InputNode(NodeBehaviour):
         """Publish the present state as a Joy."""
 
     def take(self, value: Callable[[str], float]) -> None:
-        """Take a state of the device, on the reader's thread."""
+        """Process a device state, on the reader thread."""
         with self._lock:
             if self.drive.take(value):
                 self._command()
             if self.drive.returns_control:
                 self.drive.returns_control = False
                 self.context.log.info("control is returned to the other commander")
-                for publisher in self._commands:  # by a message without joints
+                for publisher in self._commands:  # an empty message returns control
                     publisher.publish(joint_state([], []))
 
     def release(self) -> bool:
-        """Everything counts as released, and driving as switched off. Return whether it was on."""
+        """Treat all controls as released and switch driving off. Return whether it was on."""
         with self._lock:
             was = self.drive.release()
             self._command()
         return was
 
     def test_results(self) -> list[tuple[str, bool, str]]:
-        """Rates of the Joys, and the number of commands."""
+        """Return the rates of the Joys and the number of commands."""
         rows = [joy.figures.check() for joy in self._joys]
         return [*rows, *([("commands", True, f"{self._commanded} sent")] if self._commands else [])]
 
@@ -118,7 +118,7 @@ class InputNode(NodeBehaviour):
             self._command()
 
     def _diagnostic_rows(self) -> list[DiagnosticStatus]:
-        """One row: whether the device is there, and whether somebody drives."""
+        """Return one diagnostics row: whether the device is connected and driving is on."""
         spec = self.context.spec
         values = {"driving": self.drive.gate.describe(), "commands": str(self._commanded)}
         level = DiagnosticStatus.ERROR if self._trouble else DiagnosticStatus.OK
@@ -127,7 +127,7 @@ class InputNode(NodeBehaviour):
         ]
 
     def _command(self) -> None:
-        """Send the goals, where somebody drives; the lock is held."""
+        """Publish the goals while driving is on. The caller holds the lock."""
         goals = self.drive.command(time.monotonic())
         if goals is None or not self._commands:
             return
@@ -158,10 +158,10 @@ class InputNode(NodeBehaviour):
                     f"{', '.join(nearest_first(control.joint, known))}: correct joint in controls"
                 )
 
-    # What the person sees.
+    # Display for the user.
 
     def _show(self) -> None:
-        """Show the state in the status line, and a change of it in the log."""
+        """Show the state in the status line and log its changes."""
         with self._lock:
             drive, now_s = self.drive, time.monotonic()
             state = drive.gate.describe()

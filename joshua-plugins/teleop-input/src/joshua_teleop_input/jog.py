@@ -1,15 +1,15 @@
-"""From speeds to joint goals: integrated from where the joints are, never far ahead of them."""
+"""Joint goals from speeds: integrated from the joint positions with a bounded lead."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
 
-#: How far a goal may be ahead of its joint: what the joint moves in this time, and no less than the angle.
+#: Lead of a goal over its joint: the motion in this time, but at least the angle.
 LEAD_S = 0.3
 LEAST_LEAD_RAD = 0.1
 
-#: Age of the joints' last state at which nothing moves any more.
+#: Age from which a joint state is stale and all motion stops.
 STATE_LIMIT_S = 0.5
 
 
@@ -20,8 +20,8 @@ class Jog:
 
     Args:
         joints: names of the joints that are driven.
-        limits: least and greatest angle in rad by joint, where they are known.
-        period_s: distance of two calls of ``advance``.
+        limits: minimum and maximum angle in rad by joint, if known.
+        period_s: interval between calls of ``advance``.
     """
 
     def __init__(
@@ -42,44 +42,44 @@ class Jog:
         return dict(self._goal)
 
     def observe(self, position_rad: Mapping[str, float], now_s: float) -> None:
-        """Take where the joints are; ``now_s`` on the monotonic clock."""
+        """Update the joint positions; ``now_s`` on the monotonic clock."""
         for name, angle in position_rad.items():
             if name in self.joints and math.isfinite(angle):
                 self._position[name], self._observed_s[name] = angle, now_s
 
     def missing(self) -> list[str]:
-        """Driven joints whose position has never been heard of."""
+        """Driven joints whose position was never received."""
         return [name for name in self.joints if name not in self._position]
 
     def ready(self, now_s: float) -> bool:
-        """Whether every joint's position is known and recent."""
+        """Return whether every joint's position is known and recent."""
         times_s = [self._observed_s.get(name, -math.inf) for name in self.joints]
         return now_s - min(times_s, default=-math.inf) <= STATE_LIMIT_S
 
     def begin(self) -> None:
-        """Start from where the joints are."""
+        """Start from the present joint positions."""
         self._goal = {name: self._position[name] for name in self.joints}
         self._velocity = {}
         self._planned_until_s = None
 
     def end(self) -> None:
-        """Forget the goals: the next ``begin`` starts from where the joints are then."""
+        """Discard the goals; the next ``begin`` starts from the joint positions at that time."""
         self._goal, self._velocity = {}, {}
         self._planned_until_s = None
 
     def advance(self, velocity_rad_s: Mapping[str, float], now_s: float) -> dict[str, float]:
-        """Move the goals to where they shall be one period from now; return them.
+        """Advance the goals by one period and return them.
 
-        Calls between two periods, after a change of the input, move them by what is missing only.
+        An extra call within a period, after an input change, advances only by the elapsed part.
         """
         until_s = now_s + self._period_s
         planned_s = self._planned_until_s
-        # After a pause, or a tick that came late, no goal jumps.
+        # No goal jumps after a pause or a late tick.
         missing_s = 0.0 if planned_s is None else min(max(until_s - planned_s, 0.0), 2 * self._period_s)
         for name in self.joints:
             speed = velocity_rad_s.get(name, 0.0)
             if speed != 0.0:
-                # What has stood still starts now; nothing is planned for it yet.
+                # A joint at rest starts now and has no goal yet.
                 elapsed_s = missing_s if self._velocity.get(name, 0.0) else self._period_s
                 self._goal[name] = self._bounded(name, self._goal[name] + speed * elapsed_s, speed)
         self._velocity = dict(velocity_rad_s)
@@ -87,7 +87,7 @@ class Jog:
         return self.goal
 
     def _bounded(self, name: str, wanted: float, speed: float) -> float:
-        """The wanted angle within limits and lead; a bound never moves a goal against its speed."""
+        """Clamp an angle to limits and lead; clamping never moves a goal against its speed."""
         low, high = self._limits.get(name, (float("-inf"), float("inf")))
         lead = max(LEAST_LEAD_RAD, abs(speed) * LEAD_S)
         here = self._goal[name]

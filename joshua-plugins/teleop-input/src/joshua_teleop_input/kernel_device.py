@@ -24,7 +24,7 @@ _READ_RECORDS = 64
 
 
 def _request(direction: int, number: int, size: int) -> int:
-    """Number of an ioctl of the input subsystem, as the macros _IOR and _IOW make it."""
+    """Return an ioctl number of the input subsystem, like the macros _IOR and _IOW."""
     return direction << 30 | size << 16 | ord("E") << 8 | number
 
 
@@ -35,12 +35,12 @@ EVIOCGRAB = _request(1, 0x90, 4)
 
 
 def eviocgbit(event_type: int, size: int) -> int:
-    """Ask which codes of a type a device has."""
+    """Query the codes of one type that a device has."""
     return _request(2, 0x20 + event_type, size)
 
 
 def eviocgabs(axis: int) -> int:
-    """Ask for value and limits of an axis."""
+    """Query value and limits of an axis."""
     return _request(2, 0x40 + axis, _ABSINFO.size)
 
 
@@ -51,10 +51,10 @@ class KernelDevice:
         path: of the device file.
 
     Raises:
-        InputDeviceError: it is absent, may not be read, is in use, or is no input device.
+        InputDeviceError: it is missing, may not be read, is in use, or is not an input device.
     """
 
-    #: The kernel says when a device is gone, so that silence means that nothing changes.
+    #: The kernel reports a disconnection, so silence means that nothing changes.
     silence_limit_s: float | None = None
 
     def __init__(self, path: str) -> None:
@@ -68,7 +68,7 @@ class KernelDevice:
             raise
 
     def grab(self) -> None:
-        """Take the device for this process alone. Raises InputDeviceError."""
+        """Grab the device exclusively for this process. Raises InputDeviceError."""
         try:
             fcntl.ioctl(self._descriptor, EVIOCGRAB, 1)
         except OSError as error:
@@ -124,7 +124,7 @@ def open_device(path: str) -> int:
 
 
 def read_capabilities(descriptor: int, path: str) -> Capabilities:
-    """Ask a device what it has. Raises InputDeviceError, DeviceDisconnected."""
+    """Query the capabilities of a device. Raises InputDeviceError, DeviceDisconnected."""
     try:
         name = fcntl.ioctl(descriptor, EVIOCGNAME, bytes(_NAME_BYTES)).split(b"\0")[0]
         identity = _ID.unpack(fcntl.ioctl(descriptor, EVIOCGID, bytes(_ID.size)))

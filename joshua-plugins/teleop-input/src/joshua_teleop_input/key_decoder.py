@@ -1,4 +1,4 @@
-"""From the bytes of a terminal to keys: plain characters, escape sequences, the kitty keyboard protocol."""
+"""Decoder of terminal input: plain characters, escape sequences, and the kitty keyboard protocol."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ class Kind(Enum):
     REPEAT = 2
     RELEASE = 3
     INTERRUPT = 4
-    """Ctrl-C, where the terminal hands it over as a key."""
+    """Ctrl-C, if the terminal reports it as a key."""
     FOCUS_LOST = 5
     REPORTS_RELEASES = 6
-    """The terminal says that it speaks the kitty keyboard protocol."""
+    """The terminal reports that it supports the kitty keyboard protocol."""
 
 
 @dataclass(frozen=True)
 class KeyEvent:
-    """One event; ``key`` is a canonical name, ``identity`` tells keys apart whatever Shift does to them."""
+    """One event; ``key`` is a canonical name, ``identity`` names the key independent of Shift."""
 
     kind: Kind
     key: str = ""
@@ -56,18 +56,18 @@ class KeyEvent:
 
 
 class KeyDecoder:
-    """Cuts a byte stream into events; a sequence that is not whole waits for its rest."""
+    """Splits a byte stream into events; an incomplete sequence waits for the rest."""
 
     def __init__(self) -> None:
         self._rest = b""
 
     @property
     def waiting(self) -> bool:
-        """Whether the beginning of a sequence waits for its rest."""
+        """Whether an incomplete sequence is waiting."""
         return bool(self._rest)
 
     def feed(self, data: bytes) -> list[KeyEvent]:
-        """Take bytes; return the events that they complete."""
+        """Add bytes; return the events that they complete."""
         data = self._rest + data
         events: list[KeyEvent] = []
         while data:
@@ -80,13 +80,13 @@ class KeyDecoder:
         return events
 
     def flush(self) -> list[KeyEvent]:
-        """Nothing more has come: an Escape that waited for its sequence was the key."""
+        """Return the Escape key: no bytes followed a waiting escape character."""
         rest, self._rest = self._rest, b""
         return [KeyEvent(Kind.PRESS, "escape", "escape")] if rest == b"\x1b" else []
 
 
 def _next(data: bytes) -> tuple[int, list[KeyEvent]]:
-    """Bytes used by the first event, 0 if more are needed, and what they mean."""
+    """Return the bytes used by the first event, 0 if more are needed, and the event."""
     if data[0] != _ESCAPE:
         return _character(data)
     if len(data) == 1:
@@ -157,7 +157,7 @@ def _kitty_key(codes: list[int], modifiers: int, kind: Kind) -> list[KeyEvent]:
 def _name(code: int) -> str | None:
     if code in _CONTROL or code in _KEYPAD:
         return _CONTROL.get(code) or _KEYPAD[code]
-    if not 0x20 < code < 0xE000:  # beyond are modifiers and media keys
+    if not 0x20 < code < 0xE000:  # the rest are modifiers and media keys
         return None
     return canonical_key(chr(code)) if not code >= 0xD800 else None
 
@@ -166,5 +166,5 @@ def _event(kind: Kind, name: str | None, identity: str | None, modifiers: int) -
     if name is None or identity is None:
         return []
     if modifiers & _COMMANDS and kind is not Kind.RELEASE:
-        return []  # a shortcut drives nothing
+        return []  # shortcuts have no effect
     return [KeyEvent(kind, name, identity)]

@@ -1,7 +1,7 @@
 """The terminal that the run was started from, as a source of keys.
 
-The run's output continues: only reading is changed, and Ctrl-C stays the terminal's. Whoever started the run
-restores the settings when this process dies before it can.
+The run's output continues: only input changes, and the terminal still handles Ctrl-C. The parent process
+restores the settings if this process dies.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from joshua_teleop_input.errors import InputDeviceError
 
 CONTROLLING_TERMINAL = "/dev/tty"
 
-#: Asks whether the terminal speaks the kitty keyboard protocol.
+#: Query whether the terminal supports the kitty keyboard protocol.
 _QUERY = b"\x1b[?u"
 
-#: Key releases and repetitions, all keys as sequences, shifted characters; and when the window loses focus.
+#: Report key releases and repetitions, all keys as sequences, shifted characters, and loss of focus.
 _ON = b"\x1b[>15u\x1b[?1004h"
 _OFF = b"\x1b[<u\x1b[?1004l"
 
@@ -39,7 +39,7 @@ class KeyTerminal:
         self._reports = False
 
     def open(self) -> None:
-        """Take the keys; nothing is shown of them. Raises InputDeviceError."""
+        """Read keys without echo. Raises InputDeviceError."""
         try:
             self._descriptor = os.open(CONTROLLING_TERMINAL, os.O_RDWR | os.O_NOCTTY | os.O_CLOEXEC)
         except OSError as error:
@@ -55,13 +55,13 @@ class KeyTerminal:
             raise
 
     def report_releases(self) -> None:
-        """Have the terminal report releases, after it has said that it can."""
+        """Make the terminal report key releases, after it has confirmed support."""
         if not self._reports:
             self._reports = True
             os.write(self._descriptor, _ON)
 
     def read(self, timeout_s: float) -> bytes:
-        """Wait for bytes; b"" when none came. Raises DeviceDisconnected."""
+        """Wait for bytes; b"" if none arrived. Raises DeviceDisconnected."""
         ready, _, _ = select.select([self._descriptor], [], [], timeout_s)
         if not ready:
             return b""
@@ -76,18 +76,18 @@ class KeyTerminal:
         return data
 
     def interrupt(self) -> None:
-        """Do what the terminal does itself at Ctrl-C while it hands out characters."""
+        """Send the interrupt that the terminal sends at Ctrl-C in its normal mode."""
         os.killpg(os.tcgetpgrp(self._descriptor), signal.SIGINT)
 
     def close(self) -> None:
-        """Give the terminal back as it was. Idempotent."""
+        """Restore the terminal. Idempotent."""
         descriptor, self._descriptor = self._descriptor, -1
         if descriptor < 0:
             return
         with contextlib.suppress(OSError, termios.error):
             if self._reports:
                 os.write(descriptor, _OFF)
-            # When the run was killed, a shell may have taken the terminal over and set it up for itself.
+            # After the run was killed, a shell may already have configured the terminal for itself.
             if self._attributes and termios.tcgetattr(descriptor) == self._ours:
                 _set_attributes(descriptor, self._attributes)
         os.close(descriptor)
@@ -104,7 +104,7 @@ class KeyTerminal:
         changed[_LFLAG] &= ~(termios.ICANON | termios.ECHO | termios.IEXTEN)
         changed[_IFLAG] &= ~termios.IXON
         changed[_CC][termios.VMIN], changed[_CC][termios.VTIME] = 1, 0
-        # A run that is suspended would leave an arm energised and nobody at its controls.
+        # Suspending the run would leave an arm energised without an operator.
         changed[_CC][termios.VSUSP] = os.fpathconf(self._descriptor, "PC_VDISABLE").to_bytes(1, "little")
         _set_attributes(self._descriptor, changed)
         self._ours = termios.tcgetattr(self._descriptor)
@@ -112,7 +112,7 @@ class KeyTerminal:
 
 
 def _set_attributes(descriptor: int, attributes: list[Any]) -> None:
-    """Change the terminal; typed characters that nobody has read are dropped."""
+    """Change the terminal settings; unread characters are dropped."""
     former = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})
     try:
         termios.tcsetattr(descriptor, termios.TCSAFLUSH, attributes)

@@ -1,10 +1,10 @@
-"""Which keys are held: by their releases where the terminal reports them, else by time."""
+"""Tracks held keys: by their releases if the terminal reports them, else by time."""
 
 from __future__ import annotations
 
 from joshua_teleop_input.key_decoder import KeyEvent, Kind
 
-#: With release reports, held keys repeat as well; silence for this time means that reports are lost.
+#: With release reports, held keys also repeat; no event for this time means that reports are lost.
 SILENCE_LIMIT_S = 1.0
 
 
@@ -22,7 +22,7 @@ class KeyTracker:
         self._heard_s = 0.0
 
     def take(self, event: KeyEvent, now_s: float) -> None:
-        """Take an event."""
+        """Process an event."""
         self._heard_s = now_s
         if event.kind in (Kind.PRESS, Kind.REPEAT):
             self._held[event.identity] = (event.key, now_s)
@@ -32,7 +32,7 @@ class KeyTracker:
             self._held.clear()
 
     def held(self, now_s: float) -> frozenset[str]:
-        """Name of the keys that are held."""
+        """Return the names of the held keys."""
         if self.reports_releases:
             if now_s - self._heard_s > SILENCE_LIMIT_S:
                 self._held.clear()
@@ -42,5 +42,5 @@ class KeyTracker:
         return frozenset(name for name, _ in self._held.values())
 
     def release_all(self) -> None:
-        """Count every key as released."""
+        """Treat every key as released."""
         self._held.clear()

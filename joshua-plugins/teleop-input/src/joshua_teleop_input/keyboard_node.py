@@ -19,18 +19,18 @@ from joshua_teleop_input.key_tracker import KeyTracker
 from joshua_teleop_input.keys import HELP_KEY, canonical_key
 from joshua_teleop_input.settings import ControlSettings, KeyboardSettings
 
-#: Longest wait for a key, so that releases by time are noticed.
+#: Longest wait for a key; bounds the delay of releases by time.
 READ_TIMEOUT_S = 0.02
 
-#: A sequence whose rest does not come in this time was the Escape key.
+#: An escape character that nothing follows within this time is the Escape key.
 ESCAPE_TIMEOUT_S = 0.05
 
-#: A key that is seen again within this time may be held: its repetition begins only after a while.
+#: A key that repeats within this time may be held, because auto-repeat starts only after a delay.
 REPETITION_BEGINS_S = 0.75
 
 
 class KeyboardNode(InputNode):
-    """Drives joints by the keys of the terminal that the run was started from."""
+    """Drives joints with the keys of the terminal that started the run."""
 
     def __init__(self, context: NodeContext) -> None:
         super().__init__(context)
@@ -45,12 +45,12 @@ class KeyboardNode(InputNode):
 
     @property
     def settings(self) -> KeyboardSettings:
-        """The settings of the node."""
+        """Settings of the node."""
         assert self._settings is not None
         return self._settings
 
     def configure(self) -> None:
-        """Take the terminal and declare topics. Raises InputDeviceError."""
+        """Open the terminal and declare topics. Raises InputDeviceError."""
         spec = self.context.spec
         settings = self._settings = load_target(spec.settings_type).model_validate(spec.settings)
         self._tracker = KeyTracker(settings.key_hold_s)
@@ -59,7 +59,7 @@ class KeyboardNode(InputNode):
         self._terminal.open()
 
     def activate(self) -> None:
-        """Start the reader and say which key does what."""
+        """Start the reader and log the mapping of keys."""
         if self._reader_runs:
             return
         self._reader_runs = True
@@ -67,16 +67,16 @@ class KeyboardNode(InputNode):
         self.context.spawn_thread(self._read, name="keyboard")
 
     def deactivate(self) -> None:
-        """Stop whatever moves."""
+        """Stop all motion."""
         if self._drive is not None:
             self.release()
 
     def cleanup(self) -> None:
-        """Give the terminal back."""
+        """Restore the terminal."""
         self._terminal.close()
 
     def publish_joy(self, publisher: MessagePublisher) -> None:
-        """One axis for each control; a button for each of its keys, those of switch and release last."""
+        """Return one axis for each control and a button for each key; enable and release keys come last."""
         held = self._tracker.held(time.monotonic())
         axes = [self._value(control, held) for control in self.settings.controls]
         buttons = [int(key in held) for key in self._names.values()]
@@ -85,7 +85,7 @@ class KeyboardNode(InputNode):
         publisher.publish(message)
 
     def test_results(self) -> list[tuple[str, bool, str]]:
-        """Whether the terminal was there, and what it can."""
+        """Return the test rows: whether the terminal stayed connected, and how it reports keys."""
         what = "reports releases" if self._tracker.reports_releases else "keys count as held by time"
         return [("terminal", True, what), *super().test_results()]
 
@@ -127,7 +127,7 @@ class KeyboardNode(InputNode):
             self._pass_on(now_s)
 
     def _guard_switch(self, event: KeyEvent, now_s: float) -> None:
-        """Let a switch key that is held down switch off at once, and never on again by its repetition."""
+        """Make a held enable key switch off at once, and never on again by auto-repeat."""
         if not self.settings.enable_key or event.key != canonical_key(self.settings.enable_key):
             return
         if not self._tracker.reports_releases:
@@ -155,6 +155,6 @@ class KeyboardNode(InputNode):
 
 
 def _names(settings: KeyboardSettings) -> list[str]:
-    """Name of all keys, in the order of the file."""
+    """Return the names of all keys, in the order of the file."""
     names = [name for control in settings.controls for name in (control.positive, control.negative) if name]
     return [*names, *(name for name in (settings.enable_key, settings.release_key) if name)]

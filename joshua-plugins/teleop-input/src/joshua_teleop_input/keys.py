@@ -13,7 +13,7 @@ NAMED_KEYS = (
 
 
 def canonical_key(name: str) -> str | None:
-    """The key that a name of the file stands for; letters in whatever case are one key. None for no key."""
+    """Return the key for a name in the file, case-insensitive for letters; None if there is none."""
     lowered = name.lower()
     if lowered in NAMED_KEYS:
         return lowered

@@ -1,6 +1,6 @@
-"""Names of sticks, triggers and buttons, and where a device has them.
+"""Names of sticks, triggers and buttons, and their sources on a device.
 
-An axis is positive to the right, up, and when a trigger is pressed, whatever the device counts.
+An axis is positive to the right, up, and for a pressed trigger, independent of the device's own sign.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ STICKS = ("left_x", "left_y", "right_x", "right_y")
 TRIGGERS = ("left_trigger", "right_trigger")
 DPAD_AXES = ("dpad_x", "dpad_y")
 
-#: In the order of the messages that ROS 2's game_controller_node sends.
+#: In the message order of ROS 2's game_controller_node.
 BUTTON_NAMES = (
     *(
         "a",
@@ -36,10 +36,10 @@ BUTTON_NAMES = (
 AXIS_NAMES = (*STICKS, *TRIGGERS, *DPAD_AXES)
 STANDARD_NAMES = (*AXIS_NAMES, *BUTTON_NAMES)
 
-#: Makers whose drivers name buttons by their place and not by Xbox's letters.
+#: Vendors whose drivers name buttons by position and not by the Xbox letters.
 _BY_PLACE = (0x054C, 0x057E)
 
-#: Share of the way at which an axis counts as a pressed button.
+#: Share of the range from which an axis counts as a pressed button.
 PRESSED_FROM = 0.5
 
 
@@ -49,8 +49,8 @@ class Source:
 
     Attributes:
         code: number of the axis or button; is_axis: which of the two.
-        inverted: the other direction counts; half: 1 or -1 takes that half of an axis as a button.
-        one_sided: the axis rests at its least value, as triggers do.
+        inverted: reverse the sign; half: 1 or -1 uses that half of an axis as a button.
+        one_sided: the axis rests at its minimum, as triggers do.
     """
 
     code: int
@@ -60,7 +60,7 @@ class Source:
     one_sided: bool = False
 
     def value(self, ranges: Mapping[int, AxisRange], axes: Mapping[int, int], held: Iterable[int]) -> float:
-        """The value, -1 to 1, or 0 to 1 for buttons and triggers."""
+        """Return the value, -1 to 1, or 0 to 1 for buttons and triggers."""
         if not self.is_axis:
             return float((self.code in held) is not self.inverted)
         value = self._position(ranges[self.code], axes[self.code])
@@ -81,7 +81,7 @@ Layout = Mapping[str, Source]
 
 
 def standard_layout(device: Capabilities) -> dict[str, Source]:
-    """Where a device has what an Xbox controller has, by the rules of the kernel's gamepad drivers."""
+    """Return the Xbox layout of a device, by the rules of the kernel's gamepad drivers."""
     codes = _button_codes(device.vendor)
     layout = {name: Source(code, False) for name, code in codes.items() if code in device.keys}
     for name, axis in _axis_codes(device).items():
@@ -138,15 +138,15 @@ def _dpad(device: Capabilities) -> dict[str, Source]:
 
 
 def mapped_source(name: str, source: str, inverted: bool) -> Source:
-    """The source that a mapping of the file names, such as ``ABS_RX`` or ``BTN_TR2``. Raises KeyError."""
+    """Return the source that a mapping names, such as ``ABS_RX`` or ``BTN_TR2``. Raises KeyError."""
     if source in AXES:
-        down_counts = name.endswith("_y")  # the kernel counts downwards, we count upwards
+        down_counts = name.endswith("_y")  # the kernel counts down as positive, JOSHUA up
         return Source(AXES[source], True, inverted=inverted is not down_counts, one_sided=name in TRIGGERS)
     return Source(BUTTONS[source], False, inverted=inverted)
 
 
 def present(layout: Layout, device: Capabilities) -> dict[str, Source]:
-    """The part of a layout that the device has."""
+    """Return the part of a layout that the device has."""
     return {
         name: source
         for name, source in layout.items()

@@ -1,4 +1,4 @@
-"""Where the sticks and buttons of a gamepad stand."""
+"""State of the sticks and buttons of a gamepad."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ class PadState:
 
     Attributes:
         values: axes from -1 to 1 (right and up are positive), triggers and buttons from 0 to 1.
-        live: the device can be trusted to say what the hands do; else everything counts as released.
+        live: the state is valid; otherwise all controls count as released.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
     live: bool = True
 
     def value(self, name: str) -> float:
-        """The value of an axis, trigger or button; 0 if the device has none of that name."""
+        """Return the value of an axis, trigger or button; 0 if the device has none of that name."""
         return self.values.get(name, 0.0) if self.live else 0.0
 
     def pressed(self, name: str) -> bool:
-        """Whether a button is pressed, or a trigger or stick more than half-way."""
+        """Return whether a button is pressed, or a trigger or stick is more than half-way."""
         return self.value(name) >= 0.5
 
 
 class StateTracker:
-    """Follows a device's records.
+    """Tracks the state of a device from its records.
 
     Args:
-        device: what it has and where everything stands at the start.
-        layout: names for what it has.
+        device: its capabilities and initial state.
+        layout: names of its controls.
     """
 
     def __init__(self, device: Capabilities, layout: Layout) -> None:
@@ -44,20 +44,20 @@ class StateTracker:
         self.begin(device)
 
     def begin(self, device: Capabilities) -> None:
-        """Take over where everything stands."""
+        """Load a complete state."""
         self._ranges = dict(device.axes)
         self._axes = {code: facts.value for code, facts in device.axes.items()}
         self._held = set(device.held)
 
     def take(self, event: InputEvent) -> None:
-        """Take a record; what the device does not have is left out."""
+        """Process a record; unknown controls are ignored."""
         if event.type == EV_KEY:
             (self._held.add if event.value else self._held.discard)(event.code)
         elif event.type == EV_ABS and event.code in self._axes:
             self._axes[event.code] = event.value
 
     def state(self) -> PadState:
-        """Where everything stands."""
+        """Return the present state."""
         values = {
             name: source.value(self._ranges, self._axes, self._held) for name, source in self._layout.items()
         }

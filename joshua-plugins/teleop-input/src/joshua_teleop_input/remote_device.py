@@ -1,8 +1,8 @@
 """A gamepad behind a UNIX socket: attached to another machine, or emulated.
 
-The stream begins with one line of JSON that says what the device has, as a kernel answers the queries of a
-local program; after it come the kernel's own records, ``<qqHHi``. The sender shows a sign of life, an
-empty report, at least every 100 ms.
+The stream begins with one line of JSON that describes the device like the kernel's answers to a local
+program; the kernel's own records, ``<qqHHi``, follow. The sender sends a heartbeat, an empty report, at least
+every 100 ms.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from joshua_teleop_input.events import AxisRange, Capabilities, EventDecoder, In
 FORMAT = "joshua-gamepad"
 VERSION = 1
 
-#: Distance of two signs of life of the sender.
+#: Interval of the sender's heartbeats.
 LIFE_SIGN_S = 0.1
 
-#: Silence after which everything counts as released.
+#: Time without data after which all controls count as released.
 SILENCE_LIMIT_S = 0.3
 
-#: Silence after which the connection counts as lost, of the time in which this process was there to listen.
+#: Time without data after which the connection counts as lost; stalls of this process do not count.
 LOST_AFTER_S = 2.0
 
 _CONNECT_TIMEOUT_S = 2.0
@@ -46,7 +46,7 @@ class RemoteDevice:
         path: of the socket.
 
     Raises:
-        InputDeviceError: nobody listens there, or what comes is no gamepad.
+        InputDeviceError: no process listens there, or the data are not a gamepad's.
     """
 
     silence_limit_s: float | None = SILENCE_LIMIT_S

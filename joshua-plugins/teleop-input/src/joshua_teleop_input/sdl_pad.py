@@ -1,7 +1,7 @@
-"""A gamepad that SDL reads: outside Linux, and where the kernel's devices cannot be used.
+"""A gamepad read by SDL: outside Linux, and if the kernel's devices cannot be used.
 
-SDL knows the layout of most gamepads by itself. It is used on a thread of its own from beginning to end,
-because some systems hand its events to the thread that has opened it only.
+SDL knows the layout of most gamepads. It runs on one dedicated thread, because some systems deliver events
+only to the thread that opened it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _BUTTONS = BUTTON_NAMES[:15]
 
 _SETTINGS = {
     "PYGAME_HIDE_SUPPORT_PROMPT": "1",
-    "SDL_VIDEODRIVER": "dummy",  # no window is wanted, and there may be no display
+    "SDL_VIDEODRIVER": "dummy",  # no window is needed, and there may be no display
     "SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS": "1",
     "SDL_NO_SIGNAL_HANDLERS": "1",
 }
@@ -41,10 +41,10 @@ class SdlPad:
     """An open gamepad; a process has one at a time.
 
     Args:
-        settings: name the device.
+        settings: of the gamepad.
 
     Raises:
-        InputDeviceError: there is none, or SDL cannot be used.
+        InputDeviceError: there is no gamepad, or SDL cannot be used.
     """
 
     def __init__(self, settings: Any) -> None:
@@ -153,7 +153,7 @@ class SdlPad:
 def _values(pad: Any) -> dict[str, float]:
     axes = {name: max(-1.0, pad.get_axis(index) / _FULL) for index, name in enumerate(_AXES)}
     for name in ("left_y", "right_y"):
-        axes[name] = 0.0 - axes[name]  # SDL counts downwards
+        axes[name] = 0.0 - axes[name]  # SDL counts down as positive
     buttons = {name: float(pad.get_button(index)) for index, name in enumerate(_BUTTONS)}
     dpad = {
         "dpad_x": buttons["dpad_right"] - buttons["dpad_left"],
@@ -163,7 +163,7 @@ def _values(pad: Any) -> dict[str, float]:
 
 
 def names_found() -> list[str]:
-    """Name of the gamepads that SDL sees; none if it is not installed."""
+    """Return the names of the gamepads that SDL detects; none if SDL is not installed."""
     for name, value in _SETTINGS.items():
         os.environ.setdefault(name, value)
     try:

@@ -20,7 +20,7 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 
 
 class ControlSettings(BaseModel):
-    """The joint that an axis, button or key, or a pair of them, moves.
+    """Mapping of an axis, button or key, or a pair of them, to a joint.
 
     Attributes:
         positive, negative: names; "" for no negative one.
@@ -36,7 +36,7 @@ class ControlSettings(BaseModel):
 
 
 class MappingSettings(BaseModel):
-    """Where a gamepad has an axis or button: our name for it, the kernel's name for it."""
+    """Mapping of an axis or button: JOSHUA's name and the kernel's name."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -49,8 +49,8 @@ class InputSettings(BlockSettings):
     """Settings common to gamepads and the keyboard.
 
     Attributes:
-        joints: names of the joints that the node's commands reach; () if they are not known yet.
-        drives: the node publishes commands; hears_state: it subscribes to a state of joints.
+        joints: joints that receive the node's commands; () if not known yet.
+        drives: the node publishes commands; hears_state: it subscribes to a joint state.
     """
 
     controls: tuple[ControlSettings, ...] = ()
@@ -62,7 +62,7 @@ class InputSettings(BlockSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Add what the node publishes and hear, and the joints that it reaches."""
+        """Add the node's publishers and subscriptions, and the joints that it commands."""
         return super().si_values(values, node, context) | {
             "joints": tuple(joint.name for joint in context.joints),
             "drives": JOINT_STATE in _types(getattr(node, "publishers", ())),
@@ -77,7 +77,7 @@ class InputSettings(BlockSettings):
         return self
 
     def problems(self) -> Iterator[FieldError]:
-        """Joints that the actuator does not have, and commands without the joints' state."""
+        """Check for joints that the actuator does not have, and commands without a joint state."""
         if self.drives and self.controls and not self.hears_state:
             yield FieldError(
                 "controls",
@@ -100,10 +100,10 @@ class GamepadSettings(InputSettings):
 
     Attributes:
         device: path, or part of a name; "" takes the first gamepad.
-        dead_zone: share of an axis around its centre that counts as centred; expo: 0 for a straight line.
-        dead_man_button: must be held; enable_button: switches driving on and off; "" for none.
+        dead_zone: share of an axis around its centre that counts as centred; expo: 0 for a linear response.
+        dead_man_button: must be held; enable_button: toggles driving; "" for none.
         release_button: returns control after an override; "" for none.
-        mapping: where this gamepad has axes and buttons, beside what the kernel's drivers agree on.
+        mapping: axes and buttons that differ from the layout of the kernel's drivers.
     """
 
     device: str
@@ -115,7 +115,7 @@ class GamepadSettings(InputSettings):
     mapping: tuple[MappingSettings, ...] = ()
 
     def problems(self) -> Iterator[FieldError]:
-        """Name that no gamepad has, and what all input devices share."""
+        """Check for unknown or duplicate names, and everything common to input devices."""
         for index, entry in enumerate(self.mapping):
             yield from self._mapping_problems(index, entry)
         names = (*STANDARD_NAMES, *(entry.name for entry in self.mapping))
@@ -156,9 +156,9 @@ class KeyboardSettings(InputSettings):
     """Settings of the keyboard.
 
     Attributes:
-        key_hold_s: time without a repetition after which a key counts as released, in terminals that do
-            not report releases.
-        enable_key: switches driving on and off; "" for none.
+        key_hold_s: time without auto-repeat after which a key counts as released, in terminals that do not
+            report releases.
+        enable_key: toggles driving; "" for none.
         release_key: returns control after an override; "" for none.
     """
 
@@ -167,7 +167,7 @@ class KeyboardSettings(InputSettings):
     release_key: str
 
     def problems(self) -> Iterator[FieldError]:
-        """Name that are no keys, keys that stand twice, and what all input devices share."""
+        """Check for invalid or duplicate keys, and everything common to input devices."""
         used: dict[str, str] = {}
         for field, name in self._keys():
             key = canonical_key(name)

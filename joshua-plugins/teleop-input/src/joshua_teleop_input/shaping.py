@@ -1,14 +1,14 @@
-"""From a deflection to a share of the speed: dead zone and expo."""
+"""Shaping of a deflection: dead zone and expo."""
 
 from __future__ import annotations
 
 
 def without_dead_zone(value: float, dead_zone: float) -> float:
-    """Leave nothing of what lies in the dead zone, and stretch the rest, so that there is no step.
+    """Map the dead zone to 0 and stretch the rest, so the response has no step.
 
     Args:
         value: -1 to 1.
-        dead_zone: 0 up to below 1.
+        dead_zone: 0 to below 1.
     """
     size = abs(value) - dead_zone
     if not size > 0.0:
@@ -18,10 +18,10 @@ def without_dead_zone(value: float, dead_zone: float) -> float:
 
 
 def with_expo(value: float, expo: float) -> float:
-    """Make the middle of the way gentler and leave its end: a blend of straight line and cube.
+    """Make the response finer around the centre: a blend of linear and cubic.
 
     Args:
         value: -1 to 1.
-        expo: 0 is the straight line, 1 the cube.
+        expo: 0 is linear, 1 is cubic.
     """
     return (1.0 - expo) * value + expo * value**3

@@ -1,4 +1,4 @@
-"""Hands a gamepad of this machine to programs that connect to a UNIX socket."""
+"""Share a gamepad of this machine over a UNIX socket."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _MAX_CLIENTS = 8
 
 
 class GamepadShare:
-    """A socket that hands over one gamepad.
+    """A socket that shares one gamepad.
 
     Args:
-        path: of the socket; only this user can reach it.
+        path: of the socket, accessible only to this user.
 
     Raises:
         InputDeviceError: the socket cannot be made.
@@ -52,20 +52,20 @@ class GamepadShare:
 
     @property
     def clients(self) -> int:
-        """Programs that are connected."""
+        """Number of connected programs."""
         return len(self._clients)
 
     def serve(self, device: EventDevice, now: Capabilities) -> Capabilities:
-        """One turn: take what the device says and hand it over; return where everything stands now.
+        """Run one cycle: forward the device's records; return its present state.
 
         Raises:
-            DeviceDisconnected: the gamepad is gone; everybody was cut off.
+            DeviceDisconnected: the gamepad is gone; all connections were closed.
         """
         try:
             events = device.read(LIFE_SIGN_S / 2)
             for event in events:
                 if event.type == EV_SYN and event.code == SYN_DROPPED:
-                    self.cut_off()  # whoever connects again learns where everything stands
+                    self.cut_off()  # a new connection receives the complete state
                     now = device.resynchronise()
                     events = []
                     break
@@ -79,13 +79,13 @@ class GamepadShare:
         return now
 
     def cut_off(self) -> None:
-        """End every connection."""
+        """Close all connections."""
         for client in self._clients:
             client.close()
         self._clients.clear()
 
     def close(self) -> None:
-        """End everything. Idempotent."""
+        """Close the socket and all connections. Idempotent."""
         self.cut_off()
         if self._listener.fileno() >= 0:
             self._listener.close()
@@ -115,7 +115,7 @@ class GamepadShare:
             whole = client.send(data) == len(data)
         except OSError:
             whole = False
-        if not whole:  # gone, or too slow to be told what the hands do now
+        if not whole:  # gone, or too slow to receive current data
             client.close()
             self._clients.remove(client)
 

@@ -1,4 +1,4 @@
-"""``joshua find-gamepads``: the gamepads of this machine, and the names of what is pressed."""
+"""``joshua find-gamepads``: list the gamepads of this machine and show the names of pressed controls."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Plug one in or switch it on. If it is on already:
   - a gamepad of another machine is used with joshua share-gamepad
 """
 
-#: Share of its range that an axis must move to be shown.
+#: Share of its range that an axis must move to be reported.
 _NOTICEABLE = 0.3
 
 
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the list or what is pressed. Exit code 0; 4 if there is no gamepad."""
+    """Print the list or the pressed controls. Exit code 0; 4 if there is no gamepad."""
     from joshua.tools import ExitCode
 
     if arguments.watch is not None:
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _found() -> list[Found]:
-    """Gamepads, and devices of which nobody can say whether they are one."""
+    """Return gamepads, and devices that cannot be identified."""
     from joshua_teleop_input.backends import prefers_sdl
     from joshua_teleop_input.discovery import DEVICE_FOLDER, Found, find_devices
     from joshua_teleop_input.events import Capabilities
@@ -93,7 +93,7 @@ def _as_json(device: Found) -> dict[str, Any]:
 
 
 def _watch(wanted: str, duration_s: float | None) -> int:
-    """Show presses, by our name and by the kernel's."""
+    """Print pressed controls by JOSHUA's name and the kernel's."""
     from joshua.api import DeviceError
     from joshua.tools import ExitCode
 

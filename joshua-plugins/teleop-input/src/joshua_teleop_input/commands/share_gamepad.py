@@ -1,4 +1,4 @@
-"""``joshua share-gamepad``: lets a robot use the gamepad of this machine."""
+"""``joshua share-gamepad``: share the gamepad of this machine with a robot."""
 
 from __future__ import annotations
 
