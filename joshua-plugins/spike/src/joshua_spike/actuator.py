@@ -28,20 +28,20 @@ from joshua_spike.settings import SpikeSettings
 if TYPE_CHECKING:
     from joshua_calibration.target import CalibrationTarget
 
-MAX_RATE_WINDOW_S = 0.5  # after a pause, a goal may be at most this many seconds of full speed away
+MAX_RATE_WINDOW_S = 0.5  # after a pause, a goal is at most this many seconds of full speed away
 NEWTON_METRES_PER_MNM = 1e-3
 
 
 class SpikeActuator(Actuator):
     """The motors of one hub.
 
-    The hub itself stops them when no command has come for half a second: they hold where the plan's safe
-    state is ``HOLD``, and coast otherwise. That bound needs neither this driver nor a guardian.
+    The hub itself stops them if it receives no command for half a second: they hold if the plan's safe state
+    is ``HOLD``, and coast otherwise. This limit depends on neither this driver nor a guardian.
 
     Args:
         settings: of the hub.
-        context: of its node. ``allow_uncalibrated`` lets motors without calibration be energised, in radians
-            about their marks.
+        context: of its node. ``allow_uncalibrated`` permits torque without a calibration, in radians about
+            the marks.
     """
 
     settings: SpikeSettings
@@ -67,7 +67,7 @@ class SpikeActuator(Actuator):
 
     @property
     def enabled(self) -> bool:
-        """Whether this driver has energised the motors and, as far as it knows, they still have torque."""
+        """Whether this driver enabled torque and, as far as it knows, torque is still on."""
         return self._enabled
 
     @property
@@ -77,11 +77,11 @@ class SpikeActuator(Actuator):
 
     @property
     def counters(self) -> Counters:
-        """Counters of the link since it was opened."""
+        """Link counters since it was opened."""
         return self._hub.counters
 
     def connect(self) -> None:
-        """Find the hub, start the program on it where another one runs, check the motors.
+        """Find the hub, start the program unless it is running, and check the motors.
 
         Raises:
             DeviceError: the device is open already, or one of ``joshua_spike.errors`` with its remedy.
@@ -100,11 +100,11 @@ class SpikeActuator(Actuator):
             self._last, self._counted = None, Counters()
 
     def read(self) -> JointReading:
-        """Wait for a state that is newer than the last; effort is the load that the hub estimates, in N·m.
+        """Wait for a new state; effort is the load estimated by the hub, in N·m.
 
         Raises:
             DeviceDisconnected: the link or the program on the hub has ended.
-            SafetyTripped: the hub has just stopped the motors by itself; reading continues after that.
+            SafetyTripped: the hub has just stopped the motors; further reads work.
         """
         self.require_connected("read")
         stamped = self._hub.next_state()
@@ -123,11 +123,11 @@ class SpikeActuator(Actuator):
         return reading
 
     def enable(self) -> None:
-        """Energise the motors where they are.
+        """Enable torque at the present positions.
 
         Raises:
-            NotCalibrated: there is no calibration, and the plan does not waive it.
-            DeviceDisconnected: the hub does not obey.
+            NotCalibrated: there is no calibration, and the plan requires one.
+            DeviceDisconnected: the hub does not respond.
         """
         self.require_connected("enable")
         if self.settings.calibration is None and not self.context.facts.allow_uncalibrated:
@@ -144,13 +144,13 @@ class SpikeActuator(Actuator):
             self._remember(self._map.radians(state.angles_deg), state.angles_deg)
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
-        """Command positions, shape (N,). Return what was written after clamp, rate limit and rounding.
+        """Command positions, shape (N,). Return the goals after clamp, rate limit and rounding.
 
-        The motors take whole degrees. Where the link is slower than the caller, the newest goal is sent.
+        The motors accept whole degrees. If the link is slower than the caller, only the newest goal is sent.
 
         Raises:
             ValueError: a wrong shape or a value that is not finite.
-            SafetyTripped, NotEnabled: the motors have no torque.
+            SafetyTripped, NotEnabled: torque is off.
             DeviceDisconnected: the link or the program on the hub has ended.
         """
         self.require_connected("write")
@@ -170,10 +170,10 @@ class SpikeActuator(Actuator):
             return self._map.radians(targets)
 
     def hold(self) -> None:
-        """Stop where the motors are, for as long as the hub's battery lasts; without torque nothing happens.
+        """Hold the present positions, as long as the hub's battery lasts; no effect if torque is off.
 
         Raises:
-            DeviceDisconnected: the hub does not obey; its dead man's switch does it then.
+            DeviceDisconnected: the hub does not respond; its dead man's switch stops the motors.
         """
         self.require_connected("hold")
         with self._lock:
@@ -182,7 +182,7 @@ class SpikeActuator(Actuator):
                 self._remember(self._map.radians(state.angles_deg), state.angles_deg)
 
     def release(self) -> None:
-        """Disable the torque of all motors; does nothing on a closed device.
+        """Disable the torque of all motors; no effect on a closed device.
 
         Raises:
             DeviceDisconnected: the hub does not confirm the release.
@@ -193,22 +193,22 @@ class SpikeActuator(Actuator):
                 try:
                     self._hub.order("F")
                 except ProgramFailed:
-                    return  # the firmware itself takes the torque off when a program has ended
+                    return  # the firmware itself disables torque when a program ends
 
     def read_torque(self) -> dict[str, bool]:
-        """Whether the motors have torque, as the hub says next. Raises DeviceDisconnected."""
+        """Return whether torque is on, from the hub's next state. Raises DeviceDisconnected."""
         self.require_connected("read_torque")
         state = self._hub.next_state().state
         return dict.fromkeys(self.joint_names, state.energised or state.holding)
 
     def disconnect(self) -> None:
-        """Close the link; motors that were neither held nor released stop by the dead man's switch."""
+        """Close the link; the dead man's switch stops motors that were neither held nor released."""
         with self._lock:
             self._enabled = False
             self._hub.close()
 
     def diagnostics(self) -> Sequence[DiagnosticStatus]:
-        """Rows for the motors, the battery and the link, as last read."""
+        """Return diagnostics rows for the motors, the battery and the link, as last read."""
         with self._lock:
             if self._last is None or not self.connected:
                 return ()
@@ -223,12 +223,12 @@ class SpikeActuator(Actuator):
 
     @property
     def further_types(self) -> tuple[str, ...]:
-        """The battery."""
+        """Types of further messages: the battery state."""
         return (BATTERY_STATE,)
 
     def further_message(self, type_name: str, frame_id: str) -> Any | None:
-        """The battery as last read."""
-        del type_name  # there is one
+        """Return the last battery state."""
+        del type_name  # there is one battery
         with self._lock:
             if self._last is None:
                 return None
@@ -236,7 +236,7 @@ class SpikeActuator(Actuator):
             return battery_message(stamped.state, stamped.stamp_ns, frame_id, self.identity)
 
     def calibration_target(self) -> CalibrationTarget:
-        """The motors as a calibration sees them."""
+        """Return the calibration target of the motors."""
         from joshua_spike.calibration_target import SpikeCalibrationTarget
 
         return SpikeCalibrationTarget(self.settings)

@@ -1,4 +1,4 @@
-"""Bluetooth adapters: the system's, through bleak, or one that bumble drives."""
+"""Bluetooth adapters: the system's, through bleak, or one driven by bumble."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _DBUS_ABSENT = ("ServiceUnknown", "NameHasNoOwner", "UnknownObject", "NoReply", 
 
 @dataclass
 class Adapter:
-    """What bleak's scanner and client are made with.
+    """Parameters of bleak's scanner and client.
 
     Attributes:
         name: for messages.
@@ -57,13 +57,13 @@ class Adapter:
     bumble: BumbleAdapter | None = None
 
     async def close(self) -> None:
-        """Close what was opened."""
+        """Close the adapter."""
         if self.bumble is not None:
             await self.bumble.close()
 
 
 async def open_adapter(spec: str) -> Adapter:
-    """Open an adapter by what ``BLE.adapter`` says. Raises AdapterUnusable."""
+    """Open the adapter that ``BLE.adapter`` names. Raises AdapterUnusable."""
     if ":" not in spec:
         options = {"bluez": {"adapter": spec}} if spec else {}
         return Adapter(f"adapter {spec}" if spec else "the default adapter", options, dict(options))
@@ -80,7 +80,7 @@ async def open_adapter(spec: str) -> Adapter:
         ) from error
     try:
         bumble = await BumbleAdapter.open(spec)
-    except Exception as error:  # each kind of transport raises what its library raises
+    except Exception as error:  # each transport raises the exceptions of its own library
         raise AdapterUnusable(
             f"adapter {spec}: cannot be opened: {error or type(error).__name__}. Check that the address is "
             "right and that what should be there runs; leave adapter out for the system's own"
@@ -91,7 +91,7 @@ async def open_adapter(spec: str) -> Adapter:
 
 
 def adapter_problem(adapter: str, error: Exception) -> AdapterUnusable | None:
-    """What an error of bleak says about the adapter; None if it says something else."""
+    """Return the adapter problem behind a bleak error; None if the adapter is not the cause."""
     cause: tuple[str, str] | None = None
     if isinstance(error, BleakBluetoothNotAvailableError):
         cause = _REASONS.get(error.reason, (str(error.args[0]), "run bluetoothctl show"))
@@ -103,7 +103,7 @@ def adapter_problem(adapter: str, error: Exception) -> AdapterUnusable | None:
             cause = _REASONS[BleakBluetoothNotAvailableReason.POWERED_OFF]
         elif name.endswith(("AccessDenied", "NotPermitted", "NotAuthorized")):
             cause = _REASONS[BleakBluetoothNotAvailableReason.DENIED_BY_SYSTEM]
-    elif isinstance(error, OSError):  # no socket of the system bus
+    elif isinstance(error, OSError):  # the socket of the system bus is missing
         cause = _NO_BLUEZ
     elif "adapter" in str(error).lower() and "not" in str(error).lower():
         cause = _REASONS[BleakBluetoothNotAvailableReason.NO_BLUETOOTH]

@@ -1,4 +1,4 @@
-"""A back end of bleak on bumble: adapters that speak HCI over TCP, a serial port, USB and the like."""
+"""Bleak back end on bumble, for adapters with HCI over TCP, a serial port, USB and so on."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class BumbleAdapter:
     @classmethod
     async def open(cls, spec: str) -> BumbleAdapter:
         """Open a transport such as ``tcp-client:127.0.0.1:4711``. Raises OSError, BleakError."""
-        logging.getLogger("bumble").setLevel(logging.WARNING)  # else each packet is several lines of a log
+        logging.getLogger("bumble").setLevel(logging.WARNING)  # otherwise each packet logs several lines
         transport = await open_transport(spec)
         try:
             device = Device.with_hci(
@@ -77,11 +77,11 @@ class BumbleAdapter:
         await self._transport.close()
 
     def scanner_type(self) -> type[BaseBleakScanner]:
-        """What ``BleakScanner`` takes as ``backend``."""
+        """Return the ``backend`` of ``BleakScanner``."""
         return type("BumbleScannerOfAdapter", (BumbleScanner,), {"device": self.device})
 
     def client_type(self) -> type[BaseBleakClient]:
-        """What ``BleakClient`` takes as ``backend``."""
+        """Return the ``backend`` of ``BleakClient``."""
         return type("BumbleClientOfAdapter", (BumbleClient,), {"device": self.device})
 
 
@@ -97,13 +97,13 @@ class BumbleScanner(BaseBleakScanner):
         self._active = scanning_mode == "active"
 
     async def start(self) -> None:
-        """Start to listen."""
+        """Start scanning."""
         self.seen_devices = {}
         self.device.on(Device.EVENT_ADVERTISEMENT, self._on_advertisement)
         await _translated(self.device.start_scanning(active=self._active))
 
     async def stop(self) -> None:
-        """End it."""
+        """Stop scanning."""
         self.device.remove_listener(Device.EVENT_ADVERTISEMENT, self._on_advertisement)
         await _translated(self.device.stop_scanning())
 
@@ -151,7 +151,7 @@ class BumbleClient(BaseBleakClient):
         return self._connection is not None
 
     async def connect(self, pair: bool, **_: Any) -> None:
-        """Connect and look at the services. Raises BleakError."""
+        """Connect and discover the services. Raises BleakError."""
         if pair:
             raise BleakError("this back end does not pair")
         connection = await _translated(self.device.connect(hci.Address(self.address), timeout=self._timeout))
@@ -175,11 +175,11 @@ class BumbleClient(BaseBleakClient):
         self._connection = self._peer = self.services = None
 
     async def pair(self, *_: Any, **__: Any) -> None:
-        """Refused: a hub needs no pairing."""
+        """Raise: a hub needs no pairing."""
         raise BleakError("this back end does not pair")
 
     async def unpair(self) -> None:
-        """Refused: a hub needs no pairing."""
+        """Raise: a hub needs no pairing."""
         raise BleakError("this back end does not pair")
 
     async def read_gatt_char(
@@ -256,7 +256,7 @@ class BumbleClient(BaseBleakClient):
 
 
 async def _translated(awaitable: Awaitable[T]) -> T:
-    """Await, and raise what bleak's own back ends raise."""
+    """Await, and convert errors to those of bleak's own back ends."""
     try:
         return await awaitable
     except ATT_Error as error:
@@ -265,7 +265,7 @@ async def _translated(awaitable: Awaitable[T]) -> T:
         task = asyncio.current_task()
         if task is not None and getattr(task, "cancelling", lambda: 0)():
             raise
-        raise BleakError("the link was lost") from error  # bumble cancels what waits for an answer
+        raise BleakError("the link was lost") from error  # bumble cancels pending requests
     except (core.BaseBumbleError, hci.HCI_Error, asyncio.TimeoutError) as error:
         raise BleakError(f"{type(error).__name__}: {error}") from error
 

@@ -1,4 +1,4 @@
-"""The motors of a hub as a calibration sees them: absolute angles without torque; the hub keeps nothing."""
+"""Calibration target of a hub's motors: absolute angles with torque off; the hub stores nothing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from joshua_spike.settings import TICKS_PER_TURN, SpikeSettings, port_id
 
 
 class SpikeCalibrationTarget(CalibrationTarget):
-    """One hub. Its motors know their angle against a mark on the shaft, in degrees, also after a restart."""
+    """One hub. Its motors measure the absolute angle to a mark on the shaft, in degrees."""
 
     def __init__(self, settings: SpikeSettings) -> None:
         self._hub = HubClient(settings, hold=False)
@@ -21,7 +21,7 @@ class SpikeCalibrationTarget(CalibrationTarget):
 
     @property
     def motors(self) -> tuple[TargetMotor, ...]:
-        """The motors in the order of port_names; a port's id is its place, A is 1."""
+        """Motors in the order of port_names; the id is the position of the port, A is 1."""
         return self._motors
 
     @property
@@ -35,7 +35,7 @@ class SpikeCalibrationTarget(CalibrationTarget):
         return self._hub.is_open
 
     def connect(self) -> None:
-        """Find the hub, start its program, and check that there are motors."""
+        """Find the hub, start its program and check the motors."""
         self._hub.open()
         self._identity = f"ble:{self._hub.address}"
 
@@ -48,13 +48,13 @@ class SpikeCalibrationTarget(CalibrationTarget):
         self._hub.order("F")
 
     def raw_positions(self) -> tuple[int, ...]:
-        """Absolute angles as ticks of 4096 a turn; the motors themselves tell whole degrees."""
+        """Return absolute angles in ticks, 4096 per turn; the motors report whole degrees."""
         angles = self._hub.next_state().state.angles_deg
         return tuple(round(angle % 360 * TICKS_PER_TURN / 360) % TICKS_PER_TURN for angle in angles)
 
     def stored(self) -> tuple[StoredMotor, ...] | None:
-        """None: hub and motors store nothing, so only the file contains the calibration."""
+        """Return None: hub and motors store nothing, so only the file contains the calibration."""
         return None
 
     def store(self, motor_id: int, values: StoredMotor) -> None:
-        """Do nothing: there is no place for it in the motors."""
+        """Do nothing: the motors cannot store it."""

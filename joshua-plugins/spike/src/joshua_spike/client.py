@@ -1,4 +1,4 @@
-"""A hub for callers that wait: the session with its loop thread, opened and closed together."""
+"""Blocking interface to a hub: the session and its loop thread, opened and closed together."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from joshua_spike.pybricks import Status
 from joshua_spike.session import Counters, HubSession, StampedState
 from joshua_spike.settings import SpikeSettings
 
-OPEN_TIMEOUT_S = 90.0  # beyond the sum of what the steps allow themselves
+OPEN_TIMEOUT_S = 90.0  # longer than the sum of the steps' own timeouts
 CLOSE_TIMEOUT_S = 10.0
 ORDER_TIMEOUT_S = 6.0
-STATE_TIMEOUT_S = 1.0  # without a state for so long, while this process ran, the link counts as lost
+STATE_TIMEOUT_S = 1.0  # longest time without a state; stalls of this process do not count
 _LOOK_S = 0.1
 DEAD_MAN_S = 0.5
 
@@ -28,7 +28,7 @@ class HubClient:
 
     Args:
         settings: of the driver.
-        hold: what the dead man's switch does: hold the motors where they are, or let them go.
+        hold: whether the dead man's switch holds the motors or releases them.
     """
 
     def __init__(self, settings: SpikeSettings, *, hold: bool) -> None:
@@ -40,7 +40,7 @@ class HubClient:
 
     @property
     def is_open(self) -> bool:
-        """Whether the hub was opened and not closed since."""
+        """Whether the hub is open."""
         return self._session is not None
 
     @property
@@ -50,17 +50,17 @@ class HubClient:
 
     @property
     def counters(self) -> Counters:
-        """Counters of the link."""
+        """Link counters."""
         return self._session.counters if self._session is not None else Counters()
 
     @property
     def status(self) -> Status:
-        """The last status of the hub."""
+        """Last status of the hub."""
         return self._session.link.status if self._session is not None else Status(0)
 
     @property
     def session(self) -> HubSession:
-        """The open session. Raises DeviceError if there is none."""
+        """Return the open session. Raises DeviceError if there is none."""
         if self._session is None:
             raise DeviceError(
                 f"hub {self._settings.device_name!r}: the device is not open: call connect first"
@@ -115,12 +115,12 @@ class HubClient:
         try:
             thread.run(session.close(), CLOSE_TIMEOUT_S)
         except TimeoutError:
-            pass  # the thread's end cancels what still waits
+            pass  # the end of the thread cancels pending waits
         finally:
             thread.close()
 
     def next_state(self) -> StampedState:
-        """A state that was not handed out before, the newest. Raises LinkLost, ProgramFailed."""
+        """Return the newest state that was not returned before. Raises LinkLost, ProgramFailed."""
         session = self.session
         clock = AwakeClock()
         with session.changed:
@@ -139,7 +139,7 @@ class HubClient:
             return session.latest
 
     def order(self, kind: str) -> HubState:
-        """Have the hub do something now. Raises LinkLost, ProgramFailed."""
+        """Make the hub execute a command now. Raises LinkLost, ProgramFailed."""
         session = self.session
         assert self._thread is not None
         try:
@@ -148,7 +148,7 @@ class HubClient:
             raise LinkLost(f"{self}: no longer responds to commands; move closer") from error
 
     def follow(self, targets_deg: tuple[int, ...]) -> None:
-        """Send targets soon; newer ones take their place. Raises LinkLost, ProgramFailed."""
+        """Queue targets; newer ones replace them. Raises LinkLost, ProgramFailed."""
         session = self.session
         if session.end is not None:
             raise session.end

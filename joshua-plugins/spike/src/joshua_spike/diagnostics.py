@@ -1,4 +1,4 @@
-"""The state of a hub as rows of ``/diagnostics`` (its motors, its battery, its link), and as BatteryState."""
+"""The state of a hub as rows of ``/diagnostics`` (motors, battery, link) and as BatteryState."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from joshua_spike.lines import HubState
 from joshua_spike.pybricks import Status
 from joshua_spike.session import Counters
 
-#: Voltage of the SPIKE hub's two lithium cells below which the firmware warns, and at which it is full.
+#: Voltages of the SPIKE hub's two lithium cells: the firmware's warning threshold, and full charge.
 LOW_MV, FULL_MV = 6_800, 8_300
 
 BATTERY_STATE = "sensor_msgs/msg/BatteryState"
@@ -24,7 +24,7 @@ BATTERY_STATE = "sensor_msgs/msg/BatteryState"
 def joint_rows(
     names: Sequence[str], ports: Sequence[str], reading: JointReading, state: HubState, hardware_id: str
 ) -> list[DiagnosticStatus]:
-    """One row for each motor, as last read."""
+    """Return one row for each motor, as last read."""
     torque = "holding" if state.holding else "on" if state.energised else "off"
     return [
         DiagnosticStatus(
@@ -45,7 +45,7 @@ def joint_rows(
 
 
 def battery_row(state: HubState, status: Status, hardware_id: str) -> DiagnosticStatus:
-    """The battery: its voltage and the state reported by the firmware."""
+    """Return the row of the battery: voltage and the state reported by the firmware."""
     level, message = DiagnosticStatus.OK, "in order"
     if status & (Status.BATTERY_CRITICAL | Status.SHUTDOWN):
         level, message = DiagnosticStatus.ERROR, "the hub is about to switch off: charge it"
@@ -59,7 +59,7 @@ def battery_row(state: HubState, status: Status, hardware_id: str) -> Diagnostic
 
 
 def battery_message(state: HubState, stamp_ns: int, frame_id: str, hardware_id: str) -> Any:
-    """A ``BatteryState``; what the hub does not measure is NaN or unknown, as the message asks for."""
+    """Return a ``BatteryState``; values that the hub does not measure are NaN or unknown."""
     kind = message_class(BATTERY_STATE)
     return kind(
         header=header(frame_id, stamp_ns),
@@ -82,12 +82,12 @@ def battery_message(state: HubState, stamp_ns: int, frame_id: str, hardware_id: 
 
 
 def _charge(state: HubState) -> float:
-    """Estimate of the charge by the voltage, 0 to 1."""
+    """Estimate the charge from the voltage, 0 to 1."""
     return min(max((state.battery_mv - LOW_MV) / (FULL_MV - LOW_MV), 0.0), 1.0)
 
 
 def link_row(counters: Counters, before: Counters, state: HubState, hardware_id: str) -> DiagnosticStatus:
-    """The link since it was opened; losses since ``before`` are a warning."""
+    """Return the row of the link since it was opened; losses since ``before`` are a warning."""
     worse = counters.lost > before.lost or counters.corrupt > before.corrupt
     message = "lines were lost or damaged since the last report: move closer" if worse else "in order"
     return DiagnosticStatus(

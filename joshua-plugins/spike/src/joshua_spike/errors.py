@@ -7,11 +7,11 @@ from joshua.api import SafetyTripped as _SafetyTripped
 
 
 class AdapterUnusable(DeviceError):
-    """There is no Bluetooth adapter to look for the hub with, or it does not work."""
+    """There is no Bluetooth adapter, or it does not work."""
 
 
 class HubNotFound(DeviceError):
-    """No hub of that name advertises: it is off, out of range, or connected elsewhere."""
+    """No hub of that name is advertising: it is off, out of range, or connected elsewhere."""
 
 
 class HubUnreachable(DeviceError):
@@ -19,28 +19,28 @@ class HubUnreachable(DeviceError):
 
 
 class WrongFirmware(DeviceError):
-    """The hub runs LEGO's firmware, or a Pybricks that is too old."""
+    """The hub runs LEGO's firmware or an outdated version of Pybricks."""
 
 
 class MotorCheckFailed(DeviceError):
-    """The motors on the hub's ports are not those of the configuration."""
+    """The motors on the hub's ports do not match the configuration."""
 
 
 class ProgramFailed(DeviceDisconnected):
-    """The program on the hub does not start, or has ended by itself."""
+    """The program on the hub does not start, or ended unexpectedly."""
 
 
 class LinkLost(DeviceDisconnected):
-    """The link to the hub is gone, or carries nothing any more."""
+    """The link to the hub was lost, or carries no data."""
 
 
 class NotCalibrated(DeviceError):
-    """The joints may not be energised without a calibration."""
+    """Torque may not be enabled without a calibration."""
 
 
 class NotEnabled(DeviceError):
-    """A goal was written while the motors have no torque."""
+    """A goal was written while torque is off."""
 
 
 class SafetyTripped(_SafetyTripped):
-    """The hub's dead man's switch has stopped the motors; they stay so until they are enabled again."""
+    """The hub's dead man's switch stopped the motors; they stay stopped until enabled again."""

@@ -1,4 +1,4 @@
-"""Between the hub's degrees and the joints' radians, with the limits that hold."""
+"""Conversion between the hub's degrees and the joints' radians, with limits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from joshua.api import FloatArray
 from joshua_spike.settings import MIDDLE_TICK, TICKS_PER_TURN, SpikeSettings
 
 RADIANS_PER_DEGREE = math.tau / 360
-#: Speed that the slowest of LEGO's motors with an absolute encoder reaches.
+#: Top speed of the slowest LEGO motor with an absolute encoder.
 MAX_SPEED_RAD_S = 620.0 * RADIANS_PER_DEGREE
 
 
@@ -20,8 +20,8 @@ class JointMap:
 
     Args:
         settings: of the driver.
-        angles_deg: where the motors stand now; decides which of their turns is the middle one, so that a
-            joint starts within half a turn of its zero.
+        angles_deg: present motor angles; select the turn so that each joint starts within half a turn of its
+            zero.
     """
 
     def __init__(self, settings: SpikeSettings, angles_deg: Sequence[int] | None = None) -> None:
@@ -36,20 +36,20 @@ class JointMap:
         self._low_rad, self._high_rad = ranges[:, 0], ranges[:, 1]
 
     def radians(self, angles_deg: Sequence[int]) -> FloatArray:
-        """Joint angles of motor angles."""
+        """Convert motor angles to joint angles."""
         return self.directed(np.asarray(angles_deg, dtype=np.float64) - self._zero_deg) * RADIANS_PER_DEGREE
 
     def directed(self, values: Sequence[int] | FloatArray) -> FloatArray:
-        """Values of the motors' directions in the joints' directions."""
+        """Convert the sign of motor values to that of the joints."""
         directed: FloatArray = np.asarray(values, dtype=np.float64) * self._sign
         return directed
 
     def degrees(self, radians: FloatArray, last_deg: Sequence[int] | None = None) -> tuple[int, ...]:
-        """Whole degrees of joint angles, rounded so that they stay within the limits.
+        """Convert joint angles to whole degrees, rounded inwards at the limits.
 
         Args:
-            last_deg: the targets before; a joint that was found beyond a limit stays there until it is told
-                to come back, and then comes as slowly as it is told.
+            last_deg: the previous targets; a joint that started beyond a limit stays there until it is
+                commanded back, and returns at the commanded speed.
         """
         exact = self._zero_deg + self._sign * radians / RADIANS_PER_DEGREE
         ends = self._zero_deg + self._sign * np.stack((self._low_rad, self._high_rad)) / RADIANS_PER_DEGREE

@@ -1,4 +1,4 @@
-"""Lines between host and hub program: a kind, a sequence number, words, and a CRC."""
+"""Lines between host and hub program: kind, sequence number, words and CRC."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Line:
 
     Attributes:
         kind: one letter; sequence: 0 to 255.
-        words: what follows.
+        words: arguments.
     """
 
     kind: str
@@ -25,19 +25,19 @@ class Line:
     words: tuple[str, ...] = ()
 
     def encode(self) -> bytes:
-        """The line as it is sent, its end included."""
+        """Return the line as sent, including its end."""
         body = ",".join((f"{self.kind}{self.sequence:02x}", *self.words)).encode("ascii")
         return b"%s*%04x\n" % (body, binascii.crc_hqx(body, 0xFFFF))
 
 
 @dataclass(frozen=True)
 class HubState:
-    """One state line of the hub, as the hub counts.
+    """One state line of the hub, in the hub's units.
 
     Attributes:
-        sequence: of the line that it answers.
-        energised, tripped, holding: of the motors; tripped after the dead man's switch has acted.
-        refused: lines that the hub did not understand, modulo 256.
+        sequence: of the line that it replies to.
+        energised, tripped, holding: of the motors; tripped means that the dead man's switch acted.
+        refused: lines that the hub rejected, modulo 256.
         battery_mv: voltage.
         angles_deg, speeds_deg_s, loads_mnm: one value for each motor.
     """
@@ -73,10 +73,10 @@ class HubState:
 
 
 class LineReader:
-    """Puts lines together from what the hub prints, in pieces of any size.
+    """Assembles lines from the hub's output, in chunks of any size.
 
     Attributes:
-        corrupt: lines that began like ours and were broken.
+        corrupt: damaged lines of the hub program.
     """
 
     def __init__(self) -> None:
@@ -84,7 +84,7 @@ class LineReader:
         self.corrupt = 0
 
     def feed(self, data: bytes) -> Iterable[Line | str]:
-        """Take output; give whole lines, those of another program or of an error as text."""
+        """Add output; return complete lines; those of other programs or errors as text."""
         *whole, self._buffer = (self._buffer + data).split(b"\n")
         self._buffer = self._buffer[-LONGEST_LINE:]
         for raw in whole:

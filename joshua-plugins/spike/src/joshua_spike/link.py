@@ -1,4 +1,4 @@
-"""The link to one hub: found, connected, its program started, and what it prints handed on."""
+"""The link to one hub: discovery, connection, program start and output."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ CONNECT_TIMEOUT_S = 15.0
 CONNECT_ATTEMPTS = 3
 FIRST_BACK_OFF_S = 0.5
 COMMAND_TIMEOUT_S = 5.0
-LAST_WORDS = 12  # lines of the program's output that a message shows
+LAST_WORDS = 12  # number of output lines in a message
 
 
 class HubLink:
-    """A link to one hub; all methods are called on one event loop.
+    """A link to one hub. Call all methods on one event loop.
 
     Args:
         device_name: under which the hub advertises; service: of the hub.
-        adapter: what ``BLE.adapter`` says.
-        on_line: takes lines of the hub program; on_end: is called when the program or the link has ended,
-            with the reason.
+        adapter: value of ``BLE.adapter``.
+        on_line: receives the lines of the hub program; on_end: receives the reason when the program or the
+            link ends.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class HubLink:
 
     @property
     def status(self) -> Status:
-        """What the hub said last about itself."""
+        """Last status of the hub."""
         return self._status or Status(0)
 
     @property
@@ -85,10 +85,10 @@ class HubLink:
         return self._capabilities.max_write_size
 
     async def open(self) -> None:
-        """Find the hub, connect, and look at its firmware.
+        """Find the hub, connect and check its firmware.
 
         Raises:
-            AdapterUnusable, HubNotFound, HubUnreachable, WrongFirmware: as they say.
+            AdapterUnusable, HubNotFound, HubUnreachable, WrongFirmware: by cause.
         """
         self._adapter = await open_adapter(self._adapter_spec)
         delay_s = FIRST_BACK_OFF_S
@@ -120,7 +120,7 @@ class HubLink:
             await adapter.close()
 
     async def command(self, data: bytes) -> None:
-        """Send one command and wait for the hub's answer. Raises LinkLost, ProgramFailed."""
+        """Send one command and wait for the hub's reply. Raises LinkLost, ProgramFailed."""
         await self._write(data, response=True)
 
     async def say(self, line: Line) -> None:
@@ -129,7 +129,7 @@ class HubLink:
             await self._write(command, response=False)
 
     async def upload(self, blob: bytes) -> None:
-        """Stop what runs, put a program into the hub and start it. Raises LinkLost, ProgramFailed."""
+        """Stop the running program, upload another and start it. Raises LinkLost, ProgramFailed."""
         limit = self._capabilities.max_program_size
         if limit and len(blob) > limit:
             raise ProgramFailed(f"{self}: has room for programs of {limit} bytes; ours has {len(blob)}")
@@ -143,18 +143,18 @@ class HubLink:
         await self._wait_for_program(True)
 
     def guard_program(self) -> None:
-        """From now on the end of the program is a fault."""
+        """Treat the end of the program as a fault from now on."""
         self._expects_program = True
         if not self.status & Status.PROGRAM_RUNNING:
             self._ended(self._program_failed("has ended"))
 
     async def first_status(self) -> Status:
-        """The status that the hub sends to a new listener. Raises LinkLost."""
+        """Return the status that the hub sends to a new listener. Raises LinkLost."""
         await self._wait_until(lambda: self._status is not None)
         return self.status
 
     def last_words(self) -> str:
-        """What the program printed last beside its lines, for messages."""
+        """Return the last output of the program other than its lines, for messages."""
         return "\n  ".join(self._output)
 
     async def _find(self) -> BLEDevice:
@@ -272,7 +272,7 @@ class HubLink:
             self._status_changed.set()
             if self._expects_program and not self._status & Status.PROGRAM_RUNNING:
                 self._expects_program = False
-                # its last words may be behind this event, as the firmware has a queue for each
+                # output may arrive after this event, because the firmware queues them separately
                 asyncio.get_running_loop().call_later(
                     0.05, lambda: self._ended(self._program_failed("has ended"))
                 )
@@ -293,11 +293,11 @@ class HubLink:
 
     def _on_disconnected(self, client: BleakClient) -> None:
         if client is not self._client:
-            return  # it is we who closed it
+            return  # closed by this side
         self._client = None
         self._status_changed.set()
         if not self._stands:
-            return  # the attempt to connect fails, and there is another one
+            return  # the connection attempt fails and is repeated
         self._stands = False
         self._ended(
             LinkLost(

@@ -1,4 +1,4 @@
-"""One thread with an event loop, for a driver whose callers wait."""
+"""A thread with an event loop, for a driver with a blocking interface."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from joshua.api import Cancelled
 
 T = TypeVar("T")
 
-LOOK_S = 0.1  # how often a wait looks whether it is still wanted
+LOOK_S = 0.1  # polling period for cancellation
 
 
 class LoopThread:
@@ -39,7 +39,7 @@ class LoopThread:
         """Wait for a coroutine; raise what it raises, TimeoutError when it takes longer.
 
         Args:
-            stopping: polled; the wait ends when it returns true with Cancelled.
+            stopping: polled; Cancelled is raised when it returns true.
         """
         if self._loop is None:
             coroutine.close()
@@ -61,12 +61,12 @@ class LoopThread:
                 raise TimeoutError(f"no answer within {timeout_s:g} s") from error
 
     def call(self, function: Callable[..., object], *arguments: Any) -> None:
-        """Call a function on the loop, soon; nothing happens once the thread has ended."""
+        """Schedule a function on the loop; no effect after the thread has ended."""
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(function, *arguments)
 
     def close(self) -> None:
-        """End what still runs on the loop, then the thread. Idempotent."""
+        """Cancel all tasks on the loop, then end the thread. Idempotent."""
         loop, thread = self._loop, self._thread
         self._loop = self._thread = None
         if loop is None or thread is None:

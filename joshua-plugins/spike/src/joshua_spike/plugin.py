@@ -15,8 +15,8 @@ def joshua_specs() -> list[PluginSpec]:
             implementation="joshua_spike.actuator:SpikeActuator",
             settings="joshua_spike.settings:SpikeSettings",
             stops_itself=True,
-            hang_after_s=1.5,  # beyond the second that a read waits; the hub stops the motors before
-            ready_timeout_s=100.0,  # beyond what the attempts to find and connect may take together
+            hang_after_s=1.5,  # longer than the second that a read waits; the hub stops the motors earlier
+            ready_timeout_s=100.0,  # longer than all attempts to find and connect together
             summary="LEGO SPIKE motors on a hub with Pybricks, by Bluetooth",
         )
     ]

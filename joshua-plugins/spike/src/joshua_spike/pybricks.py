@@ -43,13 +43,13 @@ class Status(IntFlag):
     SHUTDOWN = 1 << 7
 
 
-#: What a hub answers to a command that it refuses.
+#: Replies of a hub to a refused command.
 REFUSALS = {0x13: "value not allowed", 0x80: "invalid command", 0x81: "busy"}
 
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What a hub can take, in bytes."""
+    """Capabilities of a hub, in bytes."""
 
     max_write_size: int
     features: int
@@ -57,15 +57,15 @@ class Capabilities:
 
     @classmethod
     def parse(cls, data: bytes) -> Capabilities:
-        """Read the characteristic; newer firmware adds bytes at its end. Raises ValueError."""
+        """Parse the characteristic; newer firmware appends bytes. Raises ValueError."""
         if len(data) < struct.calcsize("<HII"):
             raise ValueError(f"the hub's capabilities have {len(data)} bytes, at least 10 are expected")
         return cls(*struct.unpack_from("<HII", data))
 
 
 def upload_commands(blob: bytes, max_write_size: int) -> Iterator[bytes]:
-    """The commands that put a program into the hub's RAM and start it, in order."""
-    yield struct.pack("<BI", Command.WRITE_PROGRAM_META, 0)  # nothing half-written is ever started
+    """Return the commands that upload a program and start it, in order."""
+    yield struct.pack("<BI", Command.WRITE_PROGRAM_META, 0)  # a partial program is never started
     size = max_write_size - RAM_HEADER
     for offset in range(0, len(blob), size):
         yield struct.pack("<BI", Command.WRITE_USER_RAM, offset) + blob[offset : offset + size]
@@ -74,7 +74,7 @@ def upload_commands(blob: bytes, max_write_size: int) -> Iterator[bytes]:
 
 
 def stdin_commands(line: bytes, max_write_size: int) -> Iterator[bytes]:
-    """The commands that write a line to the program's standard input."""
+    """Return the commands that write a line to the program's standard input."""
     size = max_write_size - STDIN_HEADER
     for start in range(0, len(line), size):
         yield bytes([Command.WRITE_STDIN]) + line[start : start + size]

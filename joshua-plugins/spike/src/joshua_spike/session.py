@@ -1,4 +1,4 @@
-"""A conversation with the hub program: one state for each line, the newest set-point first."""
+"""A session with the hub program: one state per line, the newest set-point first."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from joshua_spike.lines import HubState, Line
 from joshua_spike.link import HubLink
 from joshua_spike.pybricks import Status
 
-POLL_PERIOD_S = 0.02  # of the state while nothing is commanded
+POLL_PERIOD_S = 0.02  # polling rate of the state without commands
 REPLY_TIMEOUT_S = 0.25
 HELLO_TIMEOUT_S = 0.6
 READY_TIMEOUT_S = 5.0
 ORDER_ATTEMPTS = 4
-PIPELINE_SHARE = 0.6  # of a round trip, between two lines that are under way
-MOST_OUTSTANDING = 2  # lines that may wait for their answer: one to poll, one with targets
+PIPELINE_SHARE = 0.6  # share of a round trip between two pending lines
+MOST_OUTSTANDING = 2  # lines that may be pending: one poll, one with targets
 MOTOR_DEVICES = {
     46: "Technic large linear motor",
     47: "Technic extra large motor",
@@ -42,7 +42,7 @@ OTHER_DEVICES = {
 
 @dataclass(frozen=True)
 class StampedState:
-    """A state and the time at which the hub took it, ns since the epoch."""
+    """A state and its acquisition time, ns since the epoch."""
 
     stamp_ns: int
     state: HubState
@@ -50,7 +50,7 @@ class StampedState:
 
 @dataclass
 class Counters:
-    """What went over the link since it was opened."""
+    """Link counters since it was opened."""
 
     lines: int = 0
     lost: int = 0
@@ -60,11 +60,11 @@ class Counters:
 
 
 class HubSession:
-    """Runs on the event loop of its link; ``latest``, ``end`` and ``changed`` are for other threads.
+    """Runs on the event loop of its link; other threads use ``latest``, ``end`` and ``changed``.
 
     Args:
         ports: letters of the ports, in joint order.
-        dead_man_s, dead_man_action: after this time without a command the hub acts: H holds, F lets go.
+        dead_man_s, dead_man_action: action of the hub after this time without a command: H holds, F releases.
     """
 
     def __init__(
@@ -85,9 +85,9 @@ class HubSession:
         self.changed = threading.Condition()
         self.latest: StampedState | None = None
         self.end: Exception | None = None
-        self.number = 0  # of states that came
+        self.number = 0  # number of received states
         self._sequence = 0
-        self._sent: dict[int, int] = {}  # stamps by sequence number, of lines without an answer
+        self._sent: dict[int, int] = {}  # send times of pending lines, by sequence number
         self._answers: dict[str, asyncio.Future[Line]] = {}
         self._targets: tuple[int, ...] | None = None
         self._wake = asyncio.Event()
@@ -96,7 +96,7 @@ class HubSession:
         self._closing = False
 
     async def open(self, program: HubProgram) -> None:
-        """Connect, upload the program where another one runs, check the motors, and start to poll.
+        """Connect, upload the program unless it is running, check the motors and start polling.
 
         Raises:
             DeviceError: one of ``joshua_spike.errors``.
@@ -111,9 +111,9 @@ class HubSession:
         self._pump = asyncio.ensure_future(self._run())
 
     async def close(self) -> None:
-        """End the conversation. Idempotent."""
+        """End the session. Idempotent."""
         pump, self._pump = self._pump, None
-        self._closing = True  # besides cancel, which wait_for before Python 3.12 may swallow
+        self._closing = True  # in addition to cancel, which wait_for may swallow before Python 3.12
         if pump is not None:
             pump.cancel()
             with contextlib.suppress(asyncio.CancelledError):
@@ -121,7 +121,7 @@ class HubSession:
         await self.link.close()
 
     async def order(self, kind: str) -> HubState:
-        """Have the hub do something now, and return its state afterwards. Raises LinkLost, ProgramFailed."""
+        """Make the hub execute a command now and return its next state. Raises LinkLost, ProgramFailed."""
         if kind != "E":
             self._targets = None
         line = await self._ask(Line(kind, 0), "S", REPLY_TIMEOUT_S, ORDER_ATTEMPTS)
@@ -130,12 +130,12 @@ class HubSession:
         return HubState.of(line)
 
     def follow(self, targets_deg: tuple[int, ...]) -> None:
-        """Send targets as soon as the link can carry them; newer ones take their place."""
+        """Queue targets for the link; newer ones replace them."""
         self._targets = targets_deg
         self._wake.set()
 
     async def _identity(self) -> str:
-        """Identity of the program that runs; "" if it is none of ours."""
+        """Return the identity of the running program; "" if it is not the hub program."""
         answer = await self._ask(Line("?", 0), "R", HELLO_TIMEOUT_S, 2)
         return answer.words[0] if answer is not None and answer.words else ""
 
@@ -183,7 +183,7 @@ class HubSession:
             )
 
     async def _ask(self, line: Line, answer: str, timeout_s: float, attempts: int) -> Line | None:
-        """Send a line until its answer comes; None if none does."""
+        """Send a line until its reply arrives; None if none does."""
         for _ in range(attempts):
             if self.end is not None:
                 return None
@@ -201,7 +201,7 @@ class HubSession:
         return None
 
     async def _run(self) -> None:
-        """Send lines one after the other, until it is cancelled or the link ends."""
+        """Send lines one after the other until cancelled or the link ends."""
         try:
             while self.end is None and not self._closing:
                 line, wait_s = self._next_line()
@@ -215,7 +215,7 @@ class HubSession:
             self._on_end(error)
 
     def _next_line(self) -> tuple[Line | None, float]:
-        """What to send now, or how long to wait."""
+        """Return what to send now, or how long to wait."""
         now_ns = self._stamps.now_ns()
         for sequence, sent_ns in list(self._sent.items()):
             if now_ns - sent_ns > REPLY_TIMEOUT_S * 1e9:
@@ -223,7 +223,7 @@ class HubSession:
                 self.counters.lost += 1
         now_s = asyncio.get_running_loop().time()
         if self._targets is not None and len(self._sent) < MOST_OUTSTANDING:
-            # lines that travel together carry no more than one
+            # lines in the same packet carry no more than one
             early_s = self._sent_s + self.counters.round_trip_s * PIPELINE_SHARE - now_s
             if self._sent and early_s > 0:
                 return None, early_s
@@ -243,7 +243,7 @@ class HubSession:
         await self.link.say(line)
 
     def _next_sequence(self) -> int:
-        self._sequence = self._sequence % 255 + 1  # 0 is the hub's own
+        self._sequence = self._sequence % 255 + 1  # 0 is reserved for the hub
         return self._sequence
 
     def _on_line(self, line: Line) -> None:
@@ -264,7 +264,7 @@ class HubSession:
         now_ns = self._stamps.now_ns()
         sent_ns = self._sent.get(line.sequence)
         while sent_ns is not None and line.sequence in self._sent:
-            del self._sent[next(iter(self._sent))]  # the hub answers the newest of targets that came together
+            del self._sent[next(iter(self._sent))]  # the hub replies only to the newest of these
         if sent_ns is not None:
             self.counters.round_trip_s = (now_ns - sent_ns) / 1e9
         taken_ns = now_ns if sent_ns is None else (sent_ns + now_ns) // 2

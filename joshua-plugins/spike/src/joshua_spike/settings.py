@@ -15,9 +15,9 @@ from typing_extensions import Self
 
 PORTS = "ABCDEF"
 SERVICE = "c5f50001-8280-46da-89f4-6d8051e4aeef"
-TICKS_PER_TURN = 4096  # in which a calibration counts; the motor itself counts degrees
+TICKS_PER_TURN = 4096  # ticks of a calibration; the motor itself counts degrees
 MIDDLE_TICK = 2048
-#: Kinds of adapters that bumble opens, the usual ones first.
+#: Transports that bumble supports, the most common first.
 TRANSPORTS = (
     *("tcp-client", "serial", "usb", "hci-socket", "vhci", "pyusb", "pty", "unix", "ws-client", "udp"),
     *("tcp-server", "ws-server", "file", "android-netsim", "android-emulator"),
@@ -26,13 +26,13 @@ _SYSTEM_ADAPTER = re.compile(r"hci\d+")
 
 
 class SpikeSettings(ActuatorSettings):
-    """What the driver is set to.
+    """Settings of the driver.
 
     Attributes:
         adapter: "" for the system's default, ``hci1`` for another one of the system, or a transport of
             bumble such as ``tcp-client:127.0.0.1:4711``.
         port_names: letters of the hub's ports, in joint order.
-        calibration: None if the motors are not calibrated; motor ids are places of ports, A is 1.
+        calibration: None if the motors are not calibrated; a motor id is the position of its port, A is 1.
     """
 
     device_name: Annotated[str, FromField("comm.ble.device_name")]
@@ -107,22 +107,22 @@ class SpikeSettings(ActuatorSettings):
         return self
 
     def motor(self, port: str) -> MotorCalibration | None:
-        """Calibration of the motor on a port."""
+        """Return the calibration of the motor on a port."""
         return self.calibration.motor(port_id(port)) if self.calibration is not None else None
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Name of the joints in the order of port_names: the calibration's, else ``joint_<port>``."""
+        """Return the joint names in the order of port_names: from the calibration, else ``joint_<port>``."""
         motors = [(port, self.motor(port)) for port in self.port_names]
         return tuple(motor.joint_name if motor else f"joint_{port.lower()}" for port, motor in motors)
 
     def joints(self) -> tuple[JointRange, ...]:
-        """The joints, known without a connection."""
+        """Joints, known without a connection."""
         named = zip(self.port_names, self.joint_names, strict=True)
         return tuple(JointRange(name, *self.range_rad(port)) for port, name in named)
 
     def range_rad(self, port: str) -> tuple[float, float]:
-        """Range of a joint: the calibrated one, else half a turn to both sides of the motor's mark."""
+        """Return the range of a joint: the calibrated one, else half a turn to both sides of the mark."""
         motor = self.motor(port)
         if motor is None:
             return -math.pi, math.pi
@@ -133,5 +133,5 @@ class SpikeSettings(ActuatorSettings):
 
 
 def port_id(port: str) -> int:
-    """The motor id that stands for a port in a calibration."""
+    """Return the motor id of a port in a calibration."""
     return PORTS.index(port) + 1

@@ -1,1 +1,1 @@
-"""The program that runs on the hub: its source, what it was compiled to, and how it is packed."""
+"""The program that runs on the hub: source, compiled form and packaging."""

@@ -1,4 +1,4 @@
-"""Compiles the hub program: ``python -m joshua_spike.hub.build``, with ``mpy-cross-v6`` installed."""
+"""Compile the hub program: ``python -m joshua_spike.hub.build``, with ``mpy-cross-v6`` installed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from joshua_spike.hub.program import COMPILED, HASH_PLACEHOLDER, SMALL_INT_BITS,
 
 
 def compile_program() -> bytes:
-    """What the source compiles to. Raises RuntimeError with the compiler's words."""
+    """Return the compiled source. Raises RuntimeError with the compiler's message."""
     from mpy_cross_v6 import mpy_cross_compile
 
     source = SOURCE.read_text(encoding="utf-8")
@@ -20,7 +20,7 @@ def compile_program() -> bytes:
 
 
 def main() -> int:
-    """Write the compiled program beside its source."""
+    """Write the compiled program next to its source."""
     COMPILED.write_bytes(compile_program())
     sys.stdout.write(f"{COMPILED}: {COMPILED.stat().st_size} bytes\n")
     return 0

@@ -1,4 +1,4 @@
-"""The hub program as the driver uploads it: identity, compiled form, and the blob that the firmware runs."""
+"""The hub program as uploaded: identity, compiled form, and the blob that the firmware runs."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class HubProgram:
     """A program that can be uploaded.
 
     Attributes:
-        identity: eight hexadecimal digits, which the running program names on request.
-        blob: what goes into the hub's user RAM.
+        identity: eight hexadecimal digits that the running program reports on request.
+        blob: content of the hub's user RAM.
     """
 
     identity: str
@@ -27,15 +27,15 @@ class HubProgram:
 
 
 def load_program() -> HubProgram:
-    """The program of this release. Raises OSError if the installation is incomplete."""
+    """Return the program of this release. Raises OSError if the installation is incomplete."""
     return HubProgram(source_identity(SOURCE.read_text(encoding="utf-8")), pack(COMPILED.read_bytes()))
 
 
 def source_identity(source: str) -> str:
-    """Identity of a program by its source, in which the place of the identity is still empty."""
+    """Return the identity of a program from its source, in which the identity is still empty."""
     return hashlib.sha256(source.encode()).hexdigest()[:8]
 
 
 def pack(mpy: bytes, module: str = "__main__") -> bytes:
-    """The firmware's multi-file format: for each module its length, its name and its code."""
+    """Return modules in the firmware's multi-file format: length, name and code of each."""
     return struct.pack("<I", len(mpy)) + module.encode() + b"\0" + mpy
