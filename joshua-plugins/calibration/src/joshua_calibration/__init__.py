@@ -1,1 +1,1 @@
-"""Calibrating arms by hand: the procedure, what shows it, and how its result is written."""
+"""Calibration of arms by hand: procedure, front ends, and transactional storage of the result."""

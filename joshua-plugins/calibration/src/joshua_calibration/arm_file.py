@@ -1,4 +1,4 @@
-"""The calibration file of a robot: one entry is replaced, the rest of the text stays as it is."""
+"""The calibration file of a robot; replacing one entry leaves the rest of the text unchanged."""
 
 from __future__ import annotations
 
@@ -25,41 +25,41 @@ HEADER = """# Calibration of the arms of one robot, written by joshua.
 
 
 class ArmFile:
-    """The file with the calibrations of a robot's arms.
+    """The calibration file of a robot's arms.
 
     Args:
-        path: of the file, which need not exist.
+        path: of the file; need not exist.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
 
     def arm(self, node_name: str) -> ArmCalibration | None:
-        """Calibration of one arm; None if the file holds none.
+        """Return the calibration of one arm; None if the file has none.
 
         Raises:
-            FileRefused: the file cannot be read, or its entry is no calibration.
+            FileRefused: the file cannot be read, or its entry is not a valid calibration.
         """
         return _arm(self.path, node_name, self.path)
 
     def require_writable(self) -> None:
-        """Say that writing would fail, before a person has done all the work. Raises FileRefused."""
+        """Check that the file can be written, before the user does the work. Raises FileRefused."""
         folder = next(path for path in self.path.absolute().parents if path.exists())
         if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
             why = "may not be written by this user" if folder.is_dir() else "is no folder"
             raise FileRefused(f"{self.path}: the calibration goes there, and {folder} {why}: put that right")
 
     def sweep(self) -> None:
-        """Remove new content that a killed run has left beside the file. Raises FileRefused."""
+        """Remove temporary files of killed runs. Raises FileRefused."""
         target = self.path.resolve()
         if _leftovers(target):
             PreparedFile(target, _take(target)).discard()
 
     def prepare(self, node_name: str, calibration: ArmCalibration) -> PreparedFile:
-        """Write the new content beside the file, where it waits for ``commit``; others wait meanwhile.
+        """Write the new content to a temporary file, ready for ``commit``; the folder stays locked.
 
         Raises:
-            FileRefused: the file cannot be read or written, or the new content would not be read back equal.
+            FileRefused: the file cannot be read or written, or the new content does not read back equal.
         """
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -90,12 +90,12 @@ class ArmFile:
         entry = calibration.to_block(node_name)
         if not self.path.exists():
             return f"{HEADER}calibration {{\n{_indented(_arms(entry))}}}\n"
-        kept_calibrations(self.path)  # an unreadable file is not written into
+        kept_calibrations(self.path)  # never write into an unreadable file
         return _with_arm(self.path.read_text(encoding="utf-8-sig"), entry)
 
 
 class PreparedFile:
-    """New content that stands beside the file; nobody else changes the file before ``commit`` or ``discard``.
+    """New content in a temporary file; the file stays locked until ``commit`` or ``discard``.
 
     Args:
         target: the file; lock: descriptor of its folder, locked.
@@ -107,7 +107,7 @@ class PreparedFile:
         self._lock = lock
 
     def make_temporary(self) -> tuple[int, str]:
-        """Make the file for the new content; remove what runs that were killed have left."""
+        """Create the temporary file; remove those of killed runs."""
         self._sweep()
         handle, name = tempfile.mkstemp(
             prefix=f".{self._target.name}.", suffix=".new", dir=self._target.parent
@@ -116,7 +116,7 @@ class PreparedFile:
         return handle, name
 
     def commit(self) -> None:
-        """Put the new content in the file's place in one step. Raises FileRefused; then nothing changed."""
+        """Replace the file atomically. Raises FileRefused; then nothing changed."""
         assert self._temporary is not None
         try:
             self._temporary.replace(self._target)
@@ -124,18 +124,18 @@ class PreparedFile:
             self.discard()
             raise FileRefused(f"{self._target}: cannot be replaced ({error.strerror})") from error
         self._let_go()
-        with contextlib.suppress(OSError):  # the content stands; only its survival of a power cut is at stake
+        with contextlib.suppress(OSError):  # the content is in place, though perhaps not durable yet
             sync_folder(self._target.parent)
 
     def discard(self) -> None:
-        """Remove the new content, and what killed runs have left; no effect after ``commit``."""
+        """Remove the new content and the temporary files of killed runs; no effect after ``commit``."""
         if self._lock >= 0:
             self._sweep()
         self._let_go()
 
     def _sweep(self) -> None:
         for left in _leftovers(self._target):
-            with contextlib.suppress(OSError):  # what hinders that has hindered the write, too, and was said
+            with contextlib.suppress(OSError):  # the cause also made the write fail, and was reported then
                 left.unlink()
 
     def _let_go(self) -> None:
@@ -149,7 +149,7 @@ def _leftovers(target: Path) -> list[Path]:
 
 
 def _take(target: Path) -> int:
-    """Lock the folder of a file, so that two runs do not overwrite each other's entries."""
+    """Lock the folder of a file so two runs do not overwrite each other's entries."""
     lock = os.open(target.parent, os.O_RDONLY | os.O_CLOEXEC)
     deadline_s = time.monotonic() + LOCK_TIMEOUT_S
     while True:
@@ -167,7 +167,7 @@ def _take(target: Path) -> int:
 
 
 def sync_folder(folder: Path) -> None:
-    """Make the names in a folder survive a power cut. Raises OSError."""
+    """Sync a folder to disk, so its names survive a power cut. Raises OSError."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -176,7 +176,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def _arm(read: Path, node_name: str, path: Path) -> ArmCalibration | None:
-    """The entry of an arm in the file ``read``, which is or will be ``path``."""
+    """Return the entry of an arm in the parsed file ``read``; ``path`` is for messages."""
     block = kept_calibrations(read).get(node_name)
     if block is None:
         return None
@@ -192,7 +192,7 @@ def _arm(read: Path, node_name: str, path: Path) -> ArmCalibration | None:
 
 
 def _with_arm(text: str, entry: Any) -> str:
-    """The text with one arm's entry replaced, else added to the first calibration block, else at the end.
+    """Return the text with one arm's entry replaced, or added to the first calibration block or at the end.
 
     Args:
         entry: block of the arm.

@@ -1,4 +1,4 @@
-"""From a checked file to the arms that a calibration works on."""
+"""The arms to calibrate, from a checked file."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ MODE = "MODE_CALIBRATION"
 
 
 class Refused(Exception):
-    """The command cannot continue. The message says why and what to do; "" if that has been shown.
+    """The command cannot continue. The message gives reason and remedy; "" if already shown.
 
     Attributes:
         code: exit code.
@@ -55,7 +55,7 @@ class Refused(Exception):
 
 
 def plan_of(checked: Checked, arguments: argparse.Namespace) -> tuple[Plan, dict[str, ArmCalibration]]:
-    """The plan, made without the calibration that is to be replaced; and that calibration, by node name.
+    """Return the plan without the calibrations to replace, and those calibrations by node name.
 
     Raises Refused.
     """
@@ -64,7 +64,7 @@ def plan_of(checked: Checked, arguments: argparse.Namespace) -> tuple[Plan, dict
     for block in config.calibration.arms:
         try:
             included[block.node_name] = ArmCalibration.from_block(block)
-        except ValueError:  # names and directions of one that cannot be used are no loss
+        except ValueError:  # an invalid calibration has no names and directions worth keeping
             continue
     config.ClearField("calibration")
     result = finish(checked)
@@ -82,11 +82,11 @@ def find_arms(
     simulated: bool = False,
     only: Sequence[str] = (),
 ) -> list[Arm]:
-    """The arms of a plan that can be calibrated; says which nodes are left out.
+    """Return the arms of a plan that can be calibrated; print which nodes are left out.
 
     Args:
         previous: calibrations by node name; rig: emulators of the devices.
-        simulated: the simulation stands for the devices; only: names of nodes, () for all.
+        simulated: the simulation replaces the devices; only: names of nodes, () for all.
 
     Raises Refused.
     """
@@ -151,11 +151,11 @@ def _chosen(arms: list[Arm], left_out: list[str], only: Sequence[str]) -> list[A
 def taken(
     plan: Plan, arms: Sequence[Arm], stop: Callable[[], None], stack: ExitStack, doing: str = ""
 ) -> None:
-    """Take the nodes of the arms, as a run does, so that status and stop know of it, until ``stack`` ends.
+    """Claim the nodes of the arms until ``stack`` closes, so ``joshua status`` and ``stop`` see them.
 
     Args:
         stop: called by ``joshua stop``, in another thread.
-        doing: what is done with every arm; "" for a calibration, which is at another step with each.
+        doing: activity of all arms; "" for a calibration, whose step differs by arm.
 
     Raises Refused.
     """
@@ -173,7 +173,7 @@ def taken(
 
 
 def open_those_there(arms: Sequence[Arm], stack: ExitStack) -> tuple[list[Arm], list[str]]:
-    """Open the arms that are plugged in; return them, and what is wrong with the others."""
+    """Open the connected arms; return them and the problems of the others."""
     there, problems = [], []
     for arm in arms:
         stack.callback(arm.target.disconnect)
@@ -187,7 +187,7 @@ def open_those_there(arms: Sequence[Arm], stack: ExitStack) -> tuple[list[Arm], 
 
 
 def open_arms(arms: Sequence[Arm], stack: ExitStack, *, release: bool = True) -> None:
-    """Open every arm and take its torque off; say what is wrong with all of them. Raises Refused."""
+    """Open every arm and disable its torque. Raises Refused, which lists the problems of all arms."""
     there, problems = open_those_there(arms, stack)
     for arm in there if release else ():
         try:
@@ -199,7 +199,7 @@ def open_arms(arms: Sequence[Arm], stack: ExitStack, *, release: bool = True) ->
 
 
 def recover_arms(arms: Sequence[Arm]) -> list[Recovery]:
-    """Bring servos and file together where an earlier run was interrupted; say so. Raises Refused."""
+    """Recover from interrupted earlier runs and print the outcome. Raises Refused."""
     found = []
     for arm in arms:
         try:

@@ -1,4 +1,4 @@
-"""``joshua calibrate``: calibrate the arms of any file, compare, recover, exchange with LeRobot."""
+"""``joshua calibrate``: calibrate arms, compare, recover, exchange calibrations with LeRobot."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked for; exit code 1 if ``--check`` finds differences, 4 without hardware."""
+    """Run the command. Exit code 1 if ``--check`` finds differences, 4 without hardware."""
     if problem := _read_words(arguments):
         sys.stderr.write(f"joshua calibrate: {problem}\n")
         return ExitCode.INVALID
@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _read_words(arguments: argparse.Namespace) -> str:
-    """Find action, nodes of an exchange and file among the words. Return what is wrong with them."""
+    """Parse action, nodes and file from the arguments. Return what is wrong, or ""."""
     words = list(arguments.words)
     arguments.action = words.pop(0) if words and words[0] in ACTIONS else ""
     arguments.items = [word for word in words if arguments.action and not word.endswith(".pbtxt")]
@@ -96,12 +96,12 @@ def _read_words(arguments: argparse.Namespace) -> str:
 
 
 def _without_effect(arguments: argparse.Namespace) -> str:
-    """An option that belongs to another form of the command; "" for none."""
+    """Return an option that belongs to another form of the command; "" for none."""
     exchanges, looks = bool(arguments.action), arguments.check or arguments.recover
     wrong = {
         "--node": exchanges and arguments.nodes,
         "--open": arguments.open and (exchanges or looks),
-        "--sim": arguments.sim and exchanges,  # the exchange is of what real servos keep
+        "--sim": arguments.sim and exchanges,  # only real servos store calibrations to exchange
         "--force": arguments.force and arguments.action != ACTIONS[1],
     }
     return next((option for option, is_wrong in wrong.items() if is_wrong), "")

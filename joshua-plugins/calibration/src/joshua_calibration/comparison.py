@@ -1,4 +1,4 @@
-"""File against servos: every difference of one arm, joint by joint, with what to do."""
+"""Comparison of file and servos: every difference of one arm, by joint, with the remedy."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from joshua_calibration.target import CalibrationTarget, StoredMotor
 
 @dataclass(frozen=True)
 class Comparison:
-    """What was found.
+    """Result of a comparison.
 
     Attributes:
         identity: of the device; calibrated_at: of the file's calibration.
         rows: one line for each joint.
-        problems: what differs; remedy: what to do then.
+        problems: differences; remedy: what to do about them.
     """
 
     node_name: str
@@ -31,10 +31,10 @@ class Comparison:
 def compare(
     node_name: str, calibration: ArmCalibration | None, target: CalibrationTarget, *, interrupted: bool
 ) -> Comparison:
-    """Compare the calibration of a file with what an open device holds; write nothing.
+    """Compare the calibration of a file with that of an open device, without writing.
 
     Raises:
-        DeviceError: the device does not answer.
+        DeviceError: the device does not reply.
     """
     identity = target.identity
     note = ["a calibration was interrupted while it was written"] if interrupted else []
@@ -75,7 +75,7 @@ def compare(
 
 
 def comparison_text(found: Comparison) -> str:
-    """The comparison for people."""
+    """Return the comparison as text."""
     head = f"{found.node_name} ({found.identity or 'no identity'})"
     if found.calibrated_at:
         head += f", calibrated at {found.calibrated_at}"

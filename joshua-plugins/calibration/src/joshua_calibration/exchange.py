@@ -1,4 +1,4 @@
-"""``joshua calibrate import-lerobot`` and ``export-lerobot``: the same calibration in LeRobot's files."""
+"""``joshua calibrate import-lerobot`` and ``export-lerobot``: exchange of LeRobot's calibration files."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ MAX_BYTES = 1 << 20
 
 
 class _Refused(Exception):
-    """The command line or a file is refused. The message says why and what to do."""
+    """The command line or a file is invalid. The message gives reason and remedy."""
 
 
 def home() -> Path:
-    """Where LeRobot keeps its calibrations; a user without a home has none in the usual place."""
+    """Return the folder of LeRobot's calibrations; may not exist for a user without a home."""
     given = os.environ.get("HF_LEROBOT_CALIBRATION")
     cache = os.environ.get("HF_HOME") or os.path.expanduser("~/.cache/huggingface")  # noqa: PTH111
     lerobot = os.environ.get("HF_LEROBOT_HOME") or Path(cache) / "lerobot"
@@ -45,7 +45,7 @@ def home() -> Path:
 
 
 def list_files() -> int:
-    """List the calibrations of LeRobot on this machine. Exit code 2: nothing was imported."""
+    """List LeRobot's calibrations on this machine. Exit code 2: nothing was imported."""
     files = sorted(home().rglob("*.json"))
     for path in files:
         try:
@@ -63,7 +63,7 @@ def list_files() -> int:
 
 
 def import_files(arguments: argparse.Namespace) -> int:
-    """Take LeRobot files into the robot's calibration file; the servos are not touched."""
+    """Import LeRobot files into the robot's calibration file; the servos are not changed."""
     if not arguments.items:
         return list_files()
     return _with_file(arguments, is_import=True)
@@ -77,7 +77,7 @@ def export(arguments: argparse.Namespace) -> int:
 def _with_file(arguments: argparse.Namespace, *, is_import: bool) -> int:
     checked = check_file(request_of(arguments, Purpose.SHOW))
     errors = [
-        item  # what is wrong with the calibration that is going to be replaced does not matter
+        item  # problems of the calibration that will be replaced do not matter
         for item in checked.result.errors
         if not (is_import and item.code.startswith("calibration-"))
     ]
@@ -111,7 +111,7 @@ def _import(checked: Checked, arguments: argparse.Namespace) -> None:
     if len(set(nodes)) != len(nodes):
         raise _Refused("one arm is named twice; give each arm one file")
     file = ArmFile(path)
-    for node, calibration in read:  # every file is good by now, so that none or all are taken
+    for node, calibration in read:  # all files are valid here, so either all or none are imported
         file.prepare(node, calibration).commit()
         sys.stdout.write(f"{node}: {len(calibration.motors)} joints written to {path}\n")
     source = shlex.quote(str(checked.loaded.path))
@@ -150,7 +150,7 @@ def _export(checked: Checked, arguments: argparse.Namespace) -> None:
 
 
 def _known(checked: Checked, arguments: argparse.Namespace) -> dict[str, ArmCalibration]:
-    """The calibrations that ``--check`` compares with the servos: in force, else in the arms' file.
+    """Return the calibrations that ``--check`` compares with the servos: loaded, or else from the file.
 
     Raises FileRefused.
     """
@@ -166,7 +166,7 @@ def _known(checked: Checked, arguments: argparse.Namespace) -> dict[str, ArmCali
 
 
 def _actuators(checked: Checked) -> dict[str, list[int]]:
-    """Motor ids of each actuator, [] where the block lists none."""
+    """Return the motor ids of each actuator, [] if the block lists none."""
     found = {}
     for entry in checked.loaded.graph.actuators:
         block = getattr(entry.owner, entry.owner.WhichOneof("actuator_config") or "", None)
@@ -175,7 +175,7 @@ def _actuators(checked: Checked) -> dict[str, list[int]]:
 
 
 def _adds_offset(checked: Checked, node: str) -> bool:
-    """Whether the motors of an actuator add their homing offset, as its block declares."""
+    """Return whether the motors of an actuator add their homing offset, as its block declares."""
     return any(
         entry.node.node_name == node and device_block(entry.owner)[2].adds_homing_offset
         for entry in checked.loaded.graph.actuators

@@ -11,7 +11,7 @@ from joshua_calibration.view import View
 
 
 class Ask(str, Enum):
-    """Requests of a person."""
+    """Requests of the user."""
 
     CONFIRM = "confirm"
     BACK = "back"
@@ -21,7 +21,7 @@ class Ask(str, Enum):
 
 @dataclass(frozen=True)
 class Request:
-    """A request of a person. ``joint`` is the index of the joint to repeat."""
+    """A request of the user. ``joint`` is the index of the joint to repeat."""
 
     ask: Ask
     joint: int = -1
@@ -38,13 +38,13 @@ class ArmState(str, Enum):
 
 @dataclass(frozen=True)
 class Board:
-    """All arms of a run, and the one that is being calibrated.
+    """All arms of a run, and the present one.
 
     Attributes:
         title: name of the robot.
         arms: node name and state of each arm, in order.
-        arm: place of the one in ``view``.
-        ended: what came of the run, once it is over; "" before.
+        arm: index of the arm in ``view``.
+        ended: outcome of the run; "" while it continues.
     """
 
     title: str
@@ -55,7 +55,7 @@ class Board:
 
 
 class FrontEnd(ABC):
-    """Shows the board and collects requests; called from one thread, and never waits."""
+    """Shows the board and collects requests; called from one thread, never blocks."""
 
     @abstractmethod
     def show(self, board: Board) -> None:
@@ -76,4 +76,4 @@ class FrontEnd(ABC):
     @property
     @abstractmethod
     def can_ask(self) -> bool:
-        """Whether requests are still possible here."""
+        """Whether this front end can still receive requests."""

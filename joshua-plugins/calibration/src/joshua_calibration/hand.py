@@ -1,4 +1,4 @@
-"""The motions of a calibration as paths over time, for devices that no person can move."""
+"""Motions of a calibration as paths over time, for emulated and simulated devices."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ Path = Callable[[float], float]  # seconds since the start to radians
 def hand_paths(
     joint: int | None, present: Sequence[float], ranges: Sequence[tuple[float, float]], seconds: float
 ) -> dict[int, Path]:
-    """One motion of a calibration: all joints to their middles, or one through its range.
+    """Return one motion of a calibration: all joints to their middles, or one through its range.
 
     Args:
-        joint: the one that goes to its low stop, to its high stop and to its middle while the others stay
-            where they are; None for the middles.
-        present: where the joints are now; ranges: their mechanical ranges, in radians about the same zero.
-        seconds: that it takes.
+        joint: the joint that moves to its low stop, high stop and middle while the others stay in place; None
+            moves all to their middles.
+        present: joint positions; ranges: mechanical ranges, in radians about the same zero.
+        seconds: duration.
 
     Raises:
-        ValueError: ``seconds`` is no time.
+        ValueError: ``seconds`` is not positive.
     """
     if not math.isfinite(seconds) or seconds <= 0:
         raise ValueError(f"seconds is {seconds}; it must be above 0")
@@ -42,7 +42,7 @@ def hand_paths(
 
 
 def interpolate(points: Sequence[tuple[float, float]], time_s: float) -> float:
-    """Value at a time between sorted (time, value) points; the first and last value hold beyond them."""
+    """Interpolate sorted (time, value) points; the first and last value hold beyond them."""
     if time_s <= points[0][0]:
         return points[0][1]
     for (start_s, start), (end_s, end) in pairwise(points):

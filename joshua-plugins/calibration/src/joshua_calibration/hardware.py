@@ -1,4 +1,4 @@
-"""The forms of ``joshua calibrate`` that open the arms: calibrate, ``--check``, ``--recover``."""
+"""Forms of ``joshua calibrate`` that open the arms: calibrate, ``--check``, ``--recover``."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 def with_arms(arguments: argparse.Namespace) -> int:
-    """Open the arms of the file and does what was asked for."""
+    """Open the arms of the file and run the requested action."""
     if not arguments.check:
         arguments.overrides = [*arguments.overrides, f"general.mode={MODE}"]
     purpose = Purpose.SHOW if arguments.check else Purpose.LAUNCH
@@ -70,7 +70,7 @@ def _look(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | No
     taken(plan, arms, stop.set, stack, doing)
     if arguments.recover:
         return _recover(arms, stack)
-    for arm in arms:  # also where the arm is not plugged in
+    for arm in arms:  # also for an arm that is not connected
         if arm.journal.stands:
             sys.stdout.write(
                 f"{arm.node_name}: a calibration was interrupted while it was written. Run "
@@ -81,7 +81,7 @@ def _look(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | No
     for arm in arms:
         if stop.is_set():
             raise Refused("stopped before every arm was compared", ExitCode.FAILED)
-        # a calibration run does not load the file that it replaces; an emulator tells what it holds itself
+        # a calibration run does not load the file that it replaces; an emulator reports its own calibration
         wanted = arm.previous if plan.mode == MODE else previous.get(arm.node_name) or arm.previous
         try:
             found = compare(arm.node_name, wanted, arm.target, interrupted=arm.journal.stands)
@@ -94,7 +94,7 @@ def _look(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | No
 
 
 def _recover(arms: Sequence[Arm], stack: ExitStack) -> int:
-    """Recover the interrupted arms that are plugged in; the others may be absent. Raises Refused."""
+    """Recover the interrupted arms that are connected; the others may be absent. Raises Refused."""
     interrupted = [arm for arm in arms if arm.journal.stands]
     for arm in arms:
         arm.file.sweep()

@@ -1,4 +1,4 @@
-"""A note of a calibration that is being written: what the servos held before, and what they are to hold."""
+"""Journal of a calibration write: the old and the new values of the servos."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from joshua_calibration.target import StoredMotor
 
 
 class Record(BaseModel):
-    """Both states of one arm.
+    """Old and new state of one arm.
 
     Attributes:
         device_identity: of the arm; "" if it has none.
-        calibrated_at: of the new calibration, by which the file shows whether it was completed.
+        calibrated_at: of the new calibration; shows whether the file was written.
         old, new: values by motor id.
     """
 
@@ -31,14 +31,14 @@ class Record(BaseModel):
 
 
 class JournalRefused(Exception):
-    """The note cannot be read or written. The message says why and what to do."""
+    """The journal cannot be read or written. The message gives reason and remedy."""
 
 
 class Journal:
-    """The note of one arm: it exists while servos and file may disagree.
+    """The journal of one arm; it exists while servos and file may disagree.
 
     Args:
-        path: of the note.
+        path: of the journal.
         recovery: the command that recovers the arm.
     """
 
@@ -50,11 +50,11 @@ class Journal:
 
     @property
     def stands(self) -> bool:
-        """Whether a calibration was interrupted while it was written."""
+        """Whether a calibration write was interrupted."""
         return self.path.exists()
 
     def read(self) -> Record | None:
-        """The note; None if there is none. Raises JournalRefused."""
+        """Return the record; None if there is none. Raises JournalRefused."""
         try:
             return Record.model_validate_json(self.path.read_bytes())
         except (FileNotFoundError, NotADirectoryError):
@@ -66,7 +66,7 @@ class Journal:
             ) from error
 
     def write(self, record: Record) -> None:
-        """Leave the note, so that it survives a power cut. Raises JournalRefused."""
+        """Write the record durably. Raises JournalRefused."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             handle, name = tempfile.mkstemp(prefix=f".{self.path.name}.", dir=self.path.parent)
@@ -82,7 +82,7 @@ class Journal:
             ) from error
 
     def remove(self) -> None:
-        """Remove the note and what a killed run has left of one: servos and file agree. Idempotent."""
+        """Remove the journal and its temporary files, because servos and file agree. Idempotent."""
         for left in self.path.parent.glob(f".{self.path.name}.*"):
             left.unlink(missing_ok=True)
         self.path.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""Calibration files of LeRobot: the same facts as a ``calibration`` block, in JSON."""
+"""LeRobot's calibration files, the JSON equivalent of a ``calibration`` block."""
 
 from __future__ import annotations
 
@@ -11,24 +11,25 @@ from pydantic import ValidationError
 
 
 class CalibrationError(ValueError):
-    """A calibration that cannot be used; the message says where and what to do."""
+    """An invalid calibration. The message gives place and remedy."""
 
 
 def from_lerobot(text: str, *, source: str = "the file", servo_adds_offset: bool = False) -> ArmCalibration:
-    """Read a LeRobot calibration: a JSON object from joint name to the facts of its motor.
+    """Parse a LeRobot calibration: a JSON object from joint name to the values of its motor.
 
     LeRobot keeps these files below ``~/.cache/huggingface/lerobot/calibration``, one for each arm. Its
     ``homing_offset`` is the one in the servo, as here; its ``drive_mode`` 1 is ``inverted``. Dynamixel servos
-    differ in both: they add the offset, which is subtracted here, and with drive mode 1 they turn their
-    positions round themselves, so that nothing is left to invert.
+    differ in both: they add the offset, which is subtracted here, and with drive mode 1 they invert their
+        positions
+    themselves, so nothing is left to invert.
 
     Args:
         text: content of the file.
         source: name of the file for messages.
-        servo_adds_offset: the arm is one of Dynamixel servos.
+        servo_adds_offset: the arm has Dynamixel servos.
 
     Raises:
-        CalibrationError: the text is no such calibration.
+        CalibrationError: the text is not such a calibration.
     """
     try:
         content = json.loads(text)
@@ -51,7 +52,7 @@ def from_lerobot(text: str, *, source: str = "the file", servo_adds_offset: bool
 
 
 def to_lerobot(calibration: ArmCalibration, *, servo_adds_offset: bool = False) -> str:
-    """Write a calibration as LeRobot reads it, joints in order of their motors."""
+    """Return a calibration as LeRobot reads it, joints in motor order."""
     sign = -1 if servo_adds_offset else 1
     content = {
         motor.joint_name: {
@@ -105,7 +106,7 @@ def _validated(values: dict[str, Any], source: str) -> ArmCalibration:
 
 
 def _place(location: tuple[int | str, ...], values: Mapping[str, Any]) -> list[str]:
-    """Name a place by joint where it can: ``('motors', 0, 'id')`` becomes ``shoulder_pan.id``."""
+    """Return a place by joint name if possible: ``('motors', 0, 'id')`` becomes ``shoulder_pan.id``."""
     if len(location) >= 2 and location[0] == "motors" and isinstance(location[1], int):
         motor = values["motors"][location[1]]
         name = motor.get("joint_name") if isinstance(motor, Mapping) else None

@@ -1,4 +1,4 @@
-"""MODE_CALIBRATION: actuators that can be calibrated, and a name for the file that is written."""
+"""MODE_CALIBRATION: requires actuators that can be calibrated, and a name for the file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from joshua.tools import Diagnostic, calibratable_blocks, device_block
 
 
 def check(context: Context) -> Iterator[Diagnostic]:
-    """Ask for an actuator with a zero to find, and for the robot's id."""
+    """Require an actuator that can be calibrated, and the robot's id."""
     entries = context.graph.actuators
     blocks = [device_block(entry.owner) for entry in entries]
     if all(rule.virtual and not rule.simulated for _, _, rule in blocks):

@@ -1,6 +1,6 @@
-"""The calibration of one arm as a value that changes: readings and requests in, a view and a result out.
+"""The calibration procedure of one arm as a state machine: readings and requests in, a view and a result out.
 
-It reads no device, shows nothing and knows no clock: a session feeds it, front ends show its view.
+It does no I/O and has no clock: a session feeds it, front ends show its view.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from joshua_calibration.target import TargetMotor
 from joshua_calibration.track import Track
 from joshua_calibration.view import JointState, JointView, Step, View
 
-GAP_S = 0.25  # without readings for longer, a joint may have gone either way round
-STEADY_S = 0.4  # how long the arm is held still for the middle pose
-STEADY = 1 / 256  # of a turn: how far a joint that is held still may move
-TOGETHER = 1 / 18  # of a turn: how far the others may move while one is swept
-BEYOND = 1 / 120  # of a turn: how far a joint may later be seen beyond its range
+GAP_S = 0.25  # after a longer gap a joint may have moved either way round
+STEADY_S = 0.4  # time to hold the arm still in the middle pose
+STEADY = 1 / 256  # of a turn: tolerance for a joint that is held still
+TOGETHER = 1 / 18  # of a turn: tolerance for the other joints during a sweep
+BEYOND = 1 / 120  # of a turn: tolerance for a joint beyond its measured range
 
 NOT_ACCEPTED = "not accepted yet"
 HOMING_TEXT = (
@@ -35,11 +35,11 @@ REVIEW_TEXT = "Every joint is complete. Confirm to write the calibration, or rep
 class Procedure:
     """Calibrates one arm by hand: middle pose, range of each joint, review.
 
-    Every request that cannot be granted leaves the state as it is and says why in ``view().message``.
+    A request that is refused leaves the state unchanged; ``view().message`` gives the reason.
 
     Args:
         motors: of the arm, in joint order.
-        previous: earlier calibration, whose joint names and directions are kept.
+        previous: earlier calibration; its joint names and directions are kept.
     """
 
     def __init__(self, motors: Sequence[TargetMotor], previous: ArmCalibration | None = None) -> None:
@@ -65,10 +65,10 @@ class Procedure:
         self.step = Step.HOMING
 
     def observe(self, time_s: float, raw: Sequence[int]) -> None:
-        """Take the encoder positions of all joints at a time of any steady clock.
+        """Add the encoder positions of all joints at a time of any monotonic clock.
 
         Raises:
-            ValueError: not one position for each motor, or one beyond its turn.
+            ValueError: the number of positions is wrong, or one is outside a turn.
         """
         self._require_readings(raw)
         gap_s = 0.0 if self._time_s is None else time_s - self._time_s
@@ -89,17 +89,17 @@ class Procedure:
             self._look_beyond()
 
     def lost(self, time_s: float, reason: str, *, gone: bool = False) -> None:
-        """Say that the arm does not answer; from a moment on nothing can be confirmed then.
+        """Report that the arm does not reply; after a short time, confirming is refused.
 
         Args:
-            gone: it will not answer before it is opened again, so that the moment is now.
+            gone: the arm must be opened again before it can reply, so confirming is refused at once.
         """
         if gone or self._time_s is None or not 0.0 <= time_s - self._time_s <= GAP_S:
             self._lost = reason
             self._recent.clear()
 
     def confirm(self) -> None:
-        """Grant the present step: take the middle pose, go on to the next joint, or ask for writing."""
+        """Confirm the present step: take the middle pose, continue with the next joint, or start writing."""
         self._say("")
         if self._lost:
             self._refuse(f"The arm does not answer: {self._lost}")
@@ -111,7 +111,7 @@ class Procedure:
             self.step = Step.WRITE
 
     def repeat(self, index: int) -> None:
-        """Forget the range of one joint and ask for it again."""
+        """Discard the range of one joint and measure it again."""
         if self.step not in (Step.SWEEP, Step.REVIEW) or not 0 <= index < len(self.motors):
             self._refuse("There is no such joint to repeat now.")
             return
@@ -119,7 +119,7 @@ class Procedure:
         self._start(index)
 
     def back(self) -> None:
-        """Go back to the middle pose; ranges that were found stay."""
+        """Go back to the middle pose; measured ranges are kept."""
         if self.step not in (Step.SWEEP, Step.REVIEW):
             self._refuse("There is nothing to go back to.")
             return
@@ -127,17 +127,17 @@ class Procedure:
         self.step = Step.HOMING
 
     def written(self) -> None:
-        """Say that device and file hold the result."""
+        """Report that device and file hold the result."""
         self.step = Step.DONE
         self._say("")
 
     def not_written(self, reason: str) -> None:
-        """Say that writing failed and that the old calibration stands; the ranges stay for another try."""
+        """Report that writing failed and the old calibration is still used; ranges are kept for a retry."""
         self.step = Step.REVIEW
         self._refuse(reason)
 
     def result(self, identity: str = "", calibrated_at: str = "") -> ArmCalibration:
-        """The calibration. Raises RangeRefused if a joint has none yet."""
+        """Return the calibration. Raises RangeRefused if a joint has no range yet."""
         if self._homes is None:
             raise RangeRefused("the middle pose was not taken yet")
         motors = [
@@ -149,7 +149,7 @@ class Procedure:
         return ArmCalibration(motors=tuple(motors), device_identity=identity, calibrated_at=calibrated_at)
 
     def view(self) -> View:
-        """What a person is to be shown now."""
+        """Return the view for the user."""
         sweeping = self.step is Step.SWEEP
         problem = f"No answer from the arm: {self._lost}" if self._lost else ""
         return View(
@@ -192,7 +192,7 @@ class Procedure:
                 "Move it through its range once more."
             )
         if self._notes[index] == NOT_ACCEPTED and self._refusal(index) is None:
-            self._notes[index] = ""  # what was missing has been made up for
+            self._notes[index] = ""  # the missing part has been measured again
             self._say("")
         for other, track in enumerate(self._tracks):
             way = abs(track.position - self._baselines[other])
@@ -215,7 +215,7 @@ class Procedure:
         )
 
     def _look_beyond(self) -> None:
-        """A joint that is seen beyond its range has not been through all of it."""
+        """Reject a range if its joint is later seen beyond it."""
         for index, sweep in enumerate(self._sweeps):
             if not self._done[index] or sweep.low is None or sweep.high is None or sweep.goes_round:
                 continue
@@ -253,7 +253,7 @@ class Procedure:
             self._take_baselines()
 
     def _off_middle(self) -> str:
-        """Say which of the ranges that are known already does not fit around the middle pose."""
+        """Find a measured range that does not contain the middle pose."""
         assert self._homes is not None
         for index, done in enumerate(self._done):
             if done:
@@ -281,7 +281,7 @@ class Procedure:
             self.step = Step.REVIEW
 
     def _swapped(self, index: int) -> str:
-        """A guess where another joint than the one asked for was moved."""
+        """Return a hint if another joint moved than the requested one."""
         other = self._strayed
         if other is None or self._sweeps[index].moved:
             return ""
@@ -326,7 +326,7 @@ class Procedure:
         return self.step in (Step.HOMING, Step.REVIEW)
 
     def _refusal(self, index: int) -> RangeRefused | None:
-        """Why the range of a joint cannot be accepted yet."""
+        """Return why the range of a joint cannot be accepted yet."""
         assert self._homes is not None
         try:
             require_range(self.motors[index], self.names[index], self._sweeps[index], self._homes[index][0])
@@ -340,7 +340,7 @@ class Procedure:
         half = motor.ticks_per_turn // 2
         known = self._homes is not None
         zero = self._homes[index][0] if self._homes else half
-        # before there is a middle pose, what the encoder itself reads
+        # before the middle pose, the raw encoder position
         present = track.position if known else track.raw
 
         def degrees(position: int | None) -> float | None:
@@ -368,6 +368,6 @@ class Procedure:
 
 
 def _names(motors: Sequence[TargetMotor], known: Mapping[int, str]) -> tuple[str, ...]:
-    """Return the joint names of the earlier calibration where they fit, else those of the motors."""
+    """Return the joint names of the earlier calibration if they fit, else those of the motors."""
     names = tuple(known.get(motor.id, motor.joint_name) for motor in motors)
     return names if len(set(names)) == len(names) else tuple(motor.joint_name for motor in motors)

@@ -1,4 +1,4 @@
-"""From a middle pose and ranges to the values of a calibration; refuses what cannot be one."""
+"""Calibration values from a middle pose and ranges, with plausibility checks."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from joshua.api.calibration import MotorCalibration
 from joshua_calibration.sweep import Sweep
 from joshua_calibration.target import TargetMotor
 
-MIDDLE_MARGIN = 0.1  # of the range: the middle pose is at least this far from both ends
+MIDDLE_MARGIN = 0.1  # of the range: minimum distance of the middle pose from both ends
 
 
 class RangeRefused(ValueError):
-    """A joint's range cannot be used. The message says why and what to do."""
+    """A joint's range cannot be used. The message gives reason and remedy."""
 
 
 def homing_offset(motor: TargetMotor, home_raw: int) -> int:
-    """Offset by which the encoder position of the middle pose becomes half a turn.
+    """Return the offset that maps the encoder position of the middle pose to half a turn.
 
-    One position in a turn needs an offset that the motor cannot keep; the nearest one is taken, so that the
-    middle pose is one tick beside the middle.
+    One position in a turn needs an offset that the motor cannot store. The nearest one is used, so the middle
+    pose is off by one tick.
     """
     offset = home_raw - motor.ticks_per_turn // 2
     return max(-motor.largest_offset, min(motor.largest_offset, offset))
@@ -27,13 +27,13 @@ def homing_offset(motor: TargetMotor, home_raw: int) -> int:
 def motor_calibration(
     motor: TargetMotor, name: str, inverted: bool, sweep: Sweep, home: int, home_raw: int
 ) -> MotorCalibration:
-    """Calibration of one motor.
+    """Return the calibration of one motor.
 
     Args:
-        home: unwrapped position of the middle pose; home_raw: the same as the encoder reads it.
+        home: unwrapped position of the middle pose; home_raw: the same as the raw encoder position.
 
     Raises:
-        RangeRefused: the sweep is not complete, or its range does not fit around the middle pose.
+        RangeRefused: the sweep is incomplete, or its range does not contain the middle pose.
     """
     require_range(motor, name, sweep, home)
     assert sweep.low is not None
@@ -56,7 +56,7 @@ def motor_calibration(
 
 
 def require_range(motor: TargetMotor, name: str, sweep: Sweep, home: int) -> None:
-    """Refuse a range that is missing, incomplete or does not fit. Raises RangeRefused."""
+    """Check that a range is complete and plausible. Raises RangeRefused."""
     degrees = 360 / motor.ticks_per_turn
     if sweep.too_far:
         raise RangeRefused(
@@ -84,7 +84,7 @@ def require_range(motor: TargetMotor, name: str, sweep: Sweep, home: int) -> Non
 
 
 def require_middle(motor: TargetMotor, name: str, sweep: Sweep, home: int) -> None:
-    """Refuse a range that does not lie around the middle pose. Raises RangeRefused."""
+    """Check that a range contains the middle pose with a margin. Raises RangeRefused."""
     if sweep.low is None or sweep.high is None or sweep.goes_round:
         return
     half = motor.ticks_per_turn // 2

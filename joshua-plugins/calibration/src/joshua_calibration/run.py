@@ -1,4 +1,4 @@
-"""``MODE_CALIBRATION``: arms one after another, in the terminal and in the browser; no node is started."""
+"""``MODE_CALIBRATION``: arm by arm, in the terminal and the browser, without starting nodes."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def run_calibration(checked: Checked, arguments: argparse.Namespace, rig: Emulat
 
 
 class Stop:
-    """Whether the run is to end: by a signal or after a time; a context manager that takes the signals.
+    """Stop condition of the run, a signal or a duration; a context manager that handles the signals.
 
     Args:
         duration_s: length of the run; None for no end.
@@ -72,7 +72,7 @@ class Stop:
         self._former: list[tuple[int, object]] = []
 
     def __call__(self) -> bool:
-        """Whether to end now."""
+        """Return whether to end now."""
         return self._signalled or (self._end_s is not None and time.monotonic() >= self._end_s)
 
     def __enter__(self) -> Stop:
@@ -90,7 +90,7 @@ class Stop:
         self._signalled = True
 
     def _note(self, *_: object) -> None:
-        # Never an exception: one in the midst of a write would leave the servos between two calibrations.
+        # Never raise here: an exception during a write would leave the servos between two calibrations.
         self._signalled = True
 
 
@@ -117,7 +117,7 @@ def _open(page: PageFrontEnd) -> None:
     import os
     import webbrowser
 
-    # Without a screen, what would open is a browser in this very terminal.
+    # Without a display, a text browser would open in this terminal.
     has_screen = sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if not (has_screen and webbrowser.open(page.opening_address())):
         port = page.address.split(":")[2].partition("/")[0]
@@ -129,10 +129,10 @@ def _open(page: PageFrontEnd) -> None:
 
 
 def _is_scripted(front_ends: Sequence[FrontEnd], arms: Sequence[Arm], kind: str) -> bool:
-    """Whether nobody is there to confirm; arms that move by themselves then go through it alone.
+    """Return whether to confirm automatically, without a user; arms then move by themselves.
 
     Args:
-        kind: what such arms are: ``emulated`` or ``simulated``.
+        kind: of arms that move by themselves: ``emulated`` or ``simulated``.
 
     Raises Refused.
     """
@@ -154,7 +154,7 @@ def _is_scripted(front_ends: Sequence[FrontEnd], arms: Sequence[Arm], kind: str)
 
 
 def _has_input() -> bool:
-    """Whether standard input is a terminal, or a pipe from which lines may come."""
+    """Return whether standard input is a terminal, or a pipe that may deliver lines."""
     import os
     import stat
 
@@ -168,7 +168,7 @@ def _has_input() -> bool:
 
 
 def _conclude(session: Session, arms: Sequence[Arm], front_ends: Sequence[FrontEnd]) -> int:
-    """Run the session, and say what came of it: for each arm whether it is calibrated."""
+    """Run the session and print for each arm whether it is calibrated."""
     from joshua_calibration.front_end import ArmState
     from joshua_calibration.session import Stopped, Unfinished
     from joshua_calibration.transaction import NotWritten

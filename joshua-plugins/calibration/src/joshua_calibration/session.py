@@ -1,4 +1,4 @@
-"""A calibration from the first reading to the last write: arms one after another, whoever watches."""
+"""A calibration from the first reading to the last write, arm by arm, with any front ends."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from joshua_calibration.view import Step, View
 PERIOD_S = 0.02
 SHOWN_EVERY_S = 0.05
 RECONNECT_S = 0.5
-MIDDLE_S = 1.5  # how long emulated joints take to their middles
+MIDDLE_S = 1.5  # duration of the emulated motion to the middles
 SWEEP_S = 5.0  # and through a range
-SCRIPT_SPEED = 3.0  # how much faster they are where nobody watches
-SCRIPT_PAUSE_S = 0.5  # between a step that is ready and its confirmation by the script
-SCRIPT_PATIENCE_S = 3.0  # how long the script waits for a step that does not become ready
-SCRIPT_ATTEMPTS = 3  # how often it then moves the joint once more
+SCRIPT_SPEED = 3.0  # speed-up without a user
+SCRIPT_PAUSE_S = 0.5  # delay between a ready step and its automatic confirmation
+SCRIPT_PATIENCE_S = 3.0  # timeout of the script for a step to become ready
+SCRIPT_ATTEMPTS = 3  # how often it then repeats the motion
 
 
 @dataclass
@@ -34,8 +34,8 @@ class Arm:
     """One arm of a run.
 
     Attributes:
-        previous: earlier calibration, whose joint names and directions are kept.
-        guide: moves emulated or simulated joints as a person would; None for an arm that a person moves.
+        previous: earlier calibration; its joint names and directions are kept.
+        guide: moves emulated or simulated joints; None for an arm that the user moves.
     """
 
     node_name: str
@@ -48,20 +48,20 @@ class Arm:
 
 
 class Stopped(Exception):
-    """The user has ended the calibration."""
+    """The user stopped the calibration."""
 
 
 class Unfinished(Exception):
-    """A calibration by script came to no end; the message says where it stood."""
+    """An automatic calibration did not finish. The message says where it stopped."""
 
 
 class Session:
-    """Runs the procedure of each arm; every arm is open and without torque.
+    """Runs the procedure of each arm; every arm is open, with torque off.
 
     Args:
         title: name of the robot.
         stopped: whether the run is to end.
-        scripted: confirm each step once it is ready: nobody is there to do it.
+        scripted: confirm each step automatically as soon as it is ready.
     """
 
     def __init__(
@@ -92,10 +92,10 @@ class Session:
         """Calibrate all arms.
 
         Raises:
-            Stopped: the user has ended it; arms that are done stay calibrated.
-            Unfinished: nobody is there, and a step does not become ready; or an emulator
-                moves no joints.
-            NotWritten: writing failed, and the arm may need ``recover`` or nobody is there to try again.
+            Stopped: the user stopped it; finished arms stay calibrated.
+            Unfinished: an automatic step does not become ready, or an emulator moves no
+                joints.
+            NotWritten: writing failed, and the arm may need ``recover`` or there is no user to retry.
         """
         for index, arm in enumerate(self._arms):
             self._index = index
@@ -111,7 +111,7 @@ class Session:
             self._say(f"{arm.node_name} is calibrated: {arm.file.path}")
 
     def board(self, ended: str = "") -> Board:
-        """What is to be shown now."""
+        """Return the board to show now."""
         arms = tuple((arm.node_name, arm.state) for arm in self._arms)
         return Board(self._title, arms, self._index, self._procedure.view(), ended)
 
@@ -142,11 +142,11 @@ class Session:
             positions = arm.target.raw_positions()
             self._procedure.observe(time.monotonic(), positions)
         except DeviceError as error:
-            # a servo alone may answer again; a port that is gone will not
+            # a single servo may reply again; a port that is gone will not
             gone = not isinstance(error, DeviceSilent)
             self._procedure.lost(time.monotonic(), str(error).splitlines()[0], gone=gone)
             if gone:
-                self._show(always=True)  # however soon it is back
+                self._show(always=True)  # even if it is back at once
                 arm.target.disconnect()
                 self._reconnect_s = time.monotonic() + RECONNECT_S
 
@@ -162,14 +162,14 @@ class Session:
             self._guided = None
 
     def _script_time_s(self, now_s: float) -> float:
-        """Time of the script: where the machine is late it waits, as the hand does for each reading."""
+        """Return the time of the script, which pauses with the readings on a slow machine."""
         if self._turned_s is not None:
             self._script_s += min(now_s - self._turned_s, PERIOD_S)
         self._turned_s = now_s
         return self._script_s
 
     def _move_by_script(self, arm: Arm, now_s: float) -> None:
-        """Let an arm that nobody moves move as the procedure asks, and confirms where nobody else does."""
+        """Move an emulated or simulated arm as the procedure requests, and confirm if scripted."""
         view = self._procedure.view()
         task = (view.step, view.active)
         if task != self._guided:
@@ -185,13 +185,13 @@ class Session:
             self._procedure.confirm()
             self._attempts += self._procedure.step is view.step is Step.HOMING
         elif now_s > self._guided_until_s + SCRIPT_PATIENCE_S:
-            self._guided = None  # as a person would, it moves the joint once more
+            self._guided = None  # repeat the motion, as a user would
             self._attempts += 1
         if self._attempts > SCRIPT_ATTEMPTS:
             raise Unfinished(f"{arm.node_name}: {view.message or view.instruction}")
 
     def _guide(self, arm: Arm, view: View) -> float:
-        """Let emulated or simulated joints move. Return how long that takes."""
+        """Move emulated or simulated joints. Return the duration."""
         if arm.guide is None or view.step not in (Step.HOMING, Step.SWEEP):
             return 0.0
         seconds = MIDDLE_S if view.active is None else SWEEP_S

@@ -1,25 +1,24 @@
-"""One joint on its way through its range: ends, coverage, and whether that is all of it."""
+"""Range measurement of one joint: ends, coverage and completeness."""
 
 from __future__ import annotations
 
 from joshua_calibration.target import TargetMotor
 
 BINS_PER_TURN = 64
-TURNS_BACK = 1 / 128  # of a turn: the way back from an end by which it counts as an end
-CAME_TO = 1 / 256  # of a turn: the way to an end that is near where the joint was at first
-NEAR_END = 1 / 256  # of a turn: how close to the outermost position the joint must have turned back
-MOVED = 1 / 64  # of a turn: the way by which a joint counts as being moved
-SMALLEST_RANGE = 1 / 24  # of a turn: less is no range
-SMALLEST_SHARE = 0.25  # of the typical range: less is no range
-SHORT_SHARE = 0.6  # of the typical range: less is remarked upon
+TURNS_BACK = 1 / 128  # of a turn: motion back from an end that confirms it
+CAME_TO = 1 / 256  # of a turn: motion to an end that is near the start
+NEAR_END = 1 / 256  # of a turn: distance from the outermost position within which the joint must turn back
+MOVED = 1 / 64  # of a turn: motion that counts as moved
+SMALLEST_RANGE = 1 / 24  # of a turn: smallest valid range
+SMALLEST_SHARE = 0.25  # of the typical range: smallest valid range
+SHORT_SHARE = 0.6  # of the typical range: less gives a note
 
 
 class Sweep:
     """The range of one joint so far; positions are unwrapped ticks.
 
-    An end counts as found once the joint has come to it and gone back; so a range that is still growing is
-    not complete. Coverage is the share of the range that was seen reading by reading: where readings were
-    lost the joint must pass again.
+    An end is found once the joint has reached it and moved back, so a growing range is not complete. Coverage
+    is the share of the range with continuous readings: where readings were lost, the joint must pass again.
     """
 
     def __init__(self, motor: TargetMotor) -> None:
@@ -30,18 +29,18 @@ class Sweep:
         self._last: int | None = None
         self._direction = 0
         self._turning_point = 0  # outermost position in the present direction
-        self._near_start = (0, 0, 0)  # where it was at first, lowest and highest before it had a direction
+        self._near_start = (0, 0, 0)  # lowest and highest start position, before it had a direction
         self._valley: int | None = None  # lowest and highest position at which the joint turned back
         self._peak: int | None = None
         self.low: int | None = None
         self.high: int | None = None
 
     def observe(self, position: int, *, continuous: bool = True) -> None:
-        """Take the next position; ``continuous`` says that no readings are missing before it."""
+        """Add a position; ``continuous`` means that no readings are missing before it."""
         if self._last is None or self.low is None or self.high is None:
             self.low = self.high = self._turning_point = position
             self._near_start = (position, position, position)
-        if not continuous:  # what happened in between is unknown: a turn in there is no end that was seen
+        if not continuous:  # the motion in between is unknown: a reversal in the gap is not a found end
             self._direction, self._turning_point = 0, position
             self._near_start = (position, position, position)
         self._cover(position, continuous)
@@ -61,27 +60,27 @@ class Sweep:
 
     @property
     def goes_round(self) -> bool:
-        """Whether a joint without stops has gone once around."""
+        """Whether a joint without stops has made a full turn."""
         return self._motor.full_turn and self.span >= self._turn
 
     @property
     def too_far(self) -> bool:
-        """Whether a joint with stops seems to have gone once around, which it cannot."""
+        """Whether a joint with stops seems to have made a full turn, which is impossible."""
         return not self._motor.full_turn and self.span >= self._turn
 
     @property
     def smallest_span(self) -> int:
-        """Less than this is no range."""
+        """Smallest valid span."""
         return round(max(self._turn * SMALLEST_RANGE, self._motor.typical_range_ticks * SMALLEST_SHARE))
 
     @property
     def moved(self) -> bool:
-        """Whether the span is large enough to be a range."""
+        """Whether the span is large enough."""
         return self.span >= self.smallest_span
 
     @property
     def is_short(self) -> bool:
-        """Whether the span is small for a joint of this build."""
+        """Whether the span is small for this kind of joint."""
         return self.span < self._motor.typical_range_ticks * SHORT_SHARE
 
     @property
@@ -96,7 +95,7 @@ class Sweep:
 
     @property
     def coverage(self) -> float:
-        """Share of the range that was seen without a hole, 0 to 1."""
+        """Share of the range with continuous readings, 0 to 1."""
         if self.low is None or self.high is None:
             return 0.0
         bins = range(self.low // self._bin, self.high // self._bin + 1)
@@ -104,7 +103,7 @@ class Sweep:
 
     @property
     def complete(self) -> bool:
-        """Whether the range is known."""
+        """Whether the range is complete."""
         if self.too_far or not self.moved or self.coverage < 1.0:
             return False
         return self.goes_round or (self.low_found and self.high_found)

@@ -1,11 +1,11 @@
-"""The live table as text: one row for each joint with present position, range and what is missing."""
+"""The live table as text: one row per joint with present position, range and what is missing."""
 
 from __future__ import annotations
 
 from joshua_calibration.front_end import ArmState, Board
 from joshua_calibration.view import JointState, JointView, Step, View
 
-SPAN_DEG = 180.0  # to either side of the middle, on the bar
+SPAN_DEG = 180.0  # characters to either side of the middle
 SMALLEST_WIDTH = 60
 
 _MARKS = {
@@ -29,10 +29,10 @@ _KEYS = {
 
 
 def board_lines(board: Board, width: int, *, unicode: bool = True) -> list[str]:
-    """The whole table, each line at most ``width`` characters.
+    """Return the whole table, each line at most ``width`` characters.
 
     Args:
-        unicode: whether signs beyond ASCII can be shown.
+        unicode: whether non-ASCII characters can be shown.
     """
     view = board.view
     lines = [_arms_line(board), _steps_line(view), ""]
@@ -50,7 +50,7 @@ def board_lines(board: Board, width: int, *, unicode: bool = True) -> list[str]:
 
 
 def joint_line(number: int, joint: JointView, width: int, unicode: bool) -> str:
-    """One row: mark, name, bar, range and present position in degrees."""
+    """Return one row: mark, name, bar, range and present position in degrees."""
     head = f"{_MARKS[joint.state]} {number} {joint.name[:16]:<16} "
     present = f"{joint.present_deg:+7.1f}" if joint.present_deg is not None else "      ?"
     tail = f" {present}  {_end(joint.low_deg, joint.low_found)} .. {_end(joint.high_deg, joint.high_found)}"
@@ -61,7 +61,7 @@ def joint_line(number: int, joint: JointView, width: int, unicode: bool) -> str:
 
 
 def bar_text(joint: JointView, cells: int, unicode: bool) -> str:
-    """Half a turn to either side of the middle: the range that was seen, and where the joint is."""
+    """Return the bar: half a turn to either side of the middle, with range and present position."""
     nothing, seen, here, middle = "·━●┊" if unicode else ".=O|"
     bar = [nothing] * cells
     bar[cells // 2] = middle
@@ -79,7 +79,7 @@ def bar_text(joint: JointView, cells: int, unicode: bool) -> str:
 
 
 def event_text(before: Board | None, board: Board) -> str:
-    """What has changed, as a line for a log; "" for nothing worth a line."""
+    """Return the changes as a log line; "" for none."""
     view = board.view
     name = board.arms[board.arm][0]
     if (
@@ -105,7 +105,7 @@ def event_text(before: Board | None, board: Board) -> str:
 
 
 def wrapped(text: str, width: int) -> list[str]:
-    """Text in lines of at most ``width`` characters; line breaks stay."""
+    """Wrap text to ``width`` characters, keeping line breaks."""
     import textwrap
 
     return [part for line in text.splitlines() for part in textwrap.wrap(line, max(20, width)) or [""]]

@@ -1,4 +1,4 @@
-"""The interface of an actuator for a calibration: encoder positions without torque, and stored values."""
+"""Interface of an actuator for calibration: encoder positions with torque off, and stored values."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from dataclasses import dataclass
 
 from joshua.api.calibration import TICKS_PER_TURN, ArmCalibration
 
-#: Moves joints as a calibration asks a person to, see ``DeviceEmulator.guide``.
+#: Moves joints in place of the user during a calibration, see ``DeviceEmulator.guide``.
 Hand = Callable[[int | None, float], bool]
 
 
 @dataclass(frozen=True)
 class TargetMotor:
-    """One motor that a person moves by hand.
+    """One motor that the user moves by hand.
 
     Attributes:
         id: on the bus.
-        joint_name: name where no earlier calibration gives one.
-        ticks_per_turn: of the encoder; zero radians stand in the middle, at ``ticks_per_turn / 2``.
-        full_turn: the joint may go round without end, such as a wrist without stops.
-        typical_range_ticks: range of the joint in arms of this build; 0 where unknown.
-        largest_offset: largest homing offset that the motor can keep, to either side.
+        joint_name: default name without an earlier calibration.
+        ticks_per_turn: of the encoder; zero radians is in the middle, at ``ticks_per_turn / 2``.
+        full_turn: the joint turns without stops, such as some wrists.
+        typical_range_ticks: range of the joint in arms of this model; 0 if unknown.
+        largest_offset: largest homing offset that the motor can store, to either side.
     """
 
     id: int
@@ -38,8 +38,8 @@ class StoredMotor:
     """The stored calibration values of one motor, in ticks.
 
     Attributes:
-        homing_offset: what is subtracted from the encoder position.
-        range_min, range_max: positions that the motor allows, homing offset applied.
+        homing_offset: subtracted from the encoder position.
+        range_min, range_max: allowed positions, homing offset applied.
     """
 
     homing_offset: int
@@ -51,8 +51,8 @@ class CalibrationTarget(ABC):
     """The interface of an actuator for a calibration. It never enables torque.
 
     Order: ``connect`` → ``release`` → ``raw_positions``… → ``store`` for each motor → ``disconnect``.
-    ``motors`` is known without a connection. Only ``store`` changes values in the device, so a calibration
-    that ends earlier leaves the old one valid.
+    ``motors`` is known without a connection. Only ``store`` changes values in the device, so an aborted
+    calibration leaves the old one valid.
     """
 
     @property
@@ -72,9 +72,9 @@ class CalibrationTarget(ABC):
 
     @abstractmethod
     def connect(self) -> None:
-        """Open the device and check its motors, whatever calibration they hold; write nothing.
+        """Open the device and check its motors, regardless of their calibration; write nothing.
 
-        After a disconnection the same device is looked for, under whatever name it came back.
+        After a disconnection, find the same device again under any name.
 
         Raises:
             DeviceError: one of its kinds, with cause and remedy.
@@ -90,51 +90,51 @@ class CalibrationTarget(ABC):
 
     @abstractmethod
     def raw_positions(self) -> tuple[int, ...]:
-        """Encoder positions in joint order, 0 to ``ticks_per_turn - 1``, no homing offset applied.
+        """Return encoder positions in joint order, 0 to ``ticks_per_turn - 1``, without homing offset.
 
         Raises:
-            DeviceDisconnected: a motor or the device does not answer.
+            DeviceDisconnected: a motor or the device does not reply.
         """
 
     @abstractmethod
     def stored(self) -> tuple[StoredMotor, ...] | None:
-        """The values stored in the motors, in joint order; None for a device that stores nothing.
+        """Return the values stored in the motors, in joint order; None for a device that stores nothing.
 
         Raises DeviceError.
         """
 
     @abstractmethod
     def store(self, motor_id: int, values: StoredMotor) -> None:
-        """Write one motor's values and read them back; for a device that keeps nothing it does nothing.
+        """Write one motor's values and read them back; no effect for a device that stores nothing.
 
-        Called with torque off. Where it fails, the motor may hold old, new or some of each: the caller puts
-        back what ``stored`` has said.
+        Called with torque off. After a failure the motor may hold old values, new values or a mix; the caller
+        restores what ``stored`` returned.
 
         Raises:
-            DeviceError: a value was not kept, or the device is gone.
+            DeviceError: a value was not stored, or the device is gone.
         """
 
     @property
     def hand(self) -> Hand | None:
-        """What moves the joints of a device that nobody can take by the hand; None if a person does."""
+        """Motion source of an emulated or simulated device; None if the user moves the joints."""
         return None
 
     def misfits(self, calibration: ArmCalibration) -> Sequence[str]:
-        """What of a calibration cannot be true of this device, one sentence without a full stop each.
+        """Return contradictions between a calibration and this device, one sentence each, without full stop.
 
-        For a device that keeps nothing and still knows its joints; what motors keep is compared anyway.
+        For a device that stores nothing but knows its joints; stored values are compared anyway.
         """
         del calibration
         return ()
 
 
 SO_ARM_JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
-_SO_ARM_RANGE_TICKS = (2869, 2178, 2048, 2477, 0, 1434)  # of the public model; the roll has no stops
+_SO_ARM_RANGE_TICKS = (2869, 2178, 2048, 2477, 0, 1434)  # from the public model; the roll has no stops
 _ROLL = "wrist_roll"
 
 
 def arm_motors(ids: Sequence[int]) -> tuple[TargetMotor, ...]:
-    """Motors of an arm of 4096 ticks a turn: six are named as those of an SO-ARM100, others by their ids."""
+    """Return motors with 4096 ticks per turn; six get the names of an SO-ARM100, others names by id."""
     if len(ids) != len(SO_ARM_JOINTS):
         return tuple(TargetMotor(motor_id, f"joint_{motor_id}") for motor_id in ids)
     return tuple(

@@ -1,4 +1,4 @@
-"""The terminal as a front end: a live table and keys, or plain lines where it is no terminal."""
+"""The terminal as a front end: a live table and keys, or plain lines without a terminal."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _HIDE_CURSOR, _SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"
 
 
 class TerminalFrontEnd(FrontEnd):
-    """Shows a table that stays in place on a terminal, and a line for each change anywhere else.
+    """Shows a live table on a terminal, and a line for each change elsewhere.
 
     Keys act at once on a terminal; from a pipe, lines do: an empty line confirms, ``b`` goes back, a number
     repeats that joint, ``q`` quits.
@@ -39,11 +39,11 @@ class TerminalFrontEnd(FrontEnd):
 
     @property
     def can_ask(self) -> bool:
-        """Whether keys or lines can still come."""
+        """Whether keys or lines can still arrive."""
         return self._keys >= 0
 
     def show(self, board: Board) -> None:
-        """Draw the table again, or write a line about what has changed."""
+        """Redraw the table, or write a line about the change."""
         if not self._is_live:
             text = event_text(self._before, board)
             self._before = board
@@ -64,7 +64,7 @@ class TerminalFrontEnd(FrontEnd):
         self._put(f"{up}{text}\n")
 
     def requests(self) -> Sequence[Request]:
-        """Keys that were pressed, or lines that came."""
+        """Return the requests from keys or lines."""
         text = self._read()
         if self._attributes is not None:
             return list(_requests_of_keys(text))
@@ -72,7 +72,7 @@ class TerminalFrontEnd(FrontEnd):
         return list(_requests_of_lines(lines))
 
     def close(self) -> None:
-        """Put the terminal back as it was."""
+        """Restore the terminal."""
         attributes, self._attributes = self._attributes, None
         if attributes is not None:
             with contextlib.suppress(termios.error):
@@ -90,17 +90,17 @@ class TerminalFrontEnd(FrontEnd):
         except OSError:
             data = b""
         if not data:
-            self._keys = -1  # the end: nobody will ask any more
+            self._keys = -1  # end of input: no further requests
         return data.decode(errors="replace")
 
     def _put(self, text: str) -> None:
-        with contextlib.suppress(OSError, ValueError):  # nobody reads any more; the calibration goes on
+        with contextlib.suppress(OSError, ValueError):  # the reader is gone; the calibration continues
             self._screen.write(text)
             self._screen.flush()
 
 
 def _requests_of_keys(text: str) -> Iterable[Request]:
-    for key in "" if text.startswith("\x1b") else text:  # arrows and the like mean nothing here
+    for key in "" if text.startswith("\x1b") else text:  # ignore arrow keys and the like
         if key in _KEYS:
             yield Request(_KEYS[key])
         elif key in "123456789":
@@ -124,7 +124,7 @@ def _descriptor(stream: TextIO) -> int:
 
 
 def _without_echo(descriptor: int) -> Any:
-    """Let keys come one by one and unseen; Ctrl-C stays a signal. None if it is no terminal."""
+    """Switch to unbuffered input without echo; Ctrl-C stays a signal. None without a terminal."""
     try:
         attributes = termios.tcgetattr(descriptor)
     except (termios.error, ValueError, OverflowError):

@@ -1,8 +1,8 @@
-"""Writing a calibration: servos and file hold both the new values in the end, or both the old ones.
+"""Atomic write of a calibration: servos and file both end up with the new values, or both with the old ones.
 
-The order: the new file is laid beside the old one; a note of both states is left; the servos are written and
-read back; the file is renamed, which decides; the note is removed. What ends this in the midst, a power cut
-or a kill included, leaves the note, and ``recover`` brings servos and file together again.
+The order: write the new file next to the old one; write a journal with both states; write the servos and read
+them back; rename the file, which commits; remove the journal. An interruption, including a power cut or a
+kill, leaves the journal, and ``recover`` makes servos and file agree again.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from joshua_calibration.arm_file import ArmFile
 from joshua_calibration.journal import Journal, JournalRefused, Record
 from joshua_calibration.target import CalibrationTarget, StoredMotor
 
-ROLLBACK_S = 3.0  # how long an arm that has gone is waited for before the note is left to a later start
+ROLLBACK_S = 3.0  # longest wait for a disconnected arm before recovery is left to a later start
 PAUSE_S = 0.25
 
 
 class NotWritten(Exception):
-    """The calibration was not written. The message says why, and what holds now.
+    """The calibration was not written. The message gives the reason and the present state.
 
     Attributes:
         restored: the servos are known to hold the old values.
@@ -36,7 +36,7 @@ class NotWritten(Exception):
 
 
 class Recovery(Enum):
-    """What ``recover`` did."""
+    """Outcome of ``recover``."""
 
     NOTHING = "nothing was interrupted"
     RESTORED = "the servos hold the old calibration again"
@@ -51,13 +51,13 @@ def write(
     journal: Journal,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Write a calibration into the device and into the file.
+    """Write a calibration to the device and the file.
 
     Args:
-        cancelled: asked before each motor; True undoes what was written so far.
+        cancelled: polled before each motor; True undoes the write.
 
     Raises:
-        NotWritten: the old calibration stands, or it will after ``recover``.
+        NotWritten: the old calibration is still used, or will be after ``recover``.
     """
     new = values_of(calibration)
     try:
@@ -98,7 +98,7 @@ def recover(target: CalibrationTarget, file: ArmFile, journal: Journal) -> Recov
     """Make servos and file agree after an interrupted write of a calibration.
 
     Raises:
-        NotWritten: it was another arm's, or the servos do not take their values; the note stays.
+        NotWritten: the journal is another arm's, or the servos do not accept their values; it is kept.
     """
     try:
         file.sweep()
@@ -132,18 +132,18 @@ def recover(target: CalibrationTarget, file: ArmFile, journal: Journal) -> Recov
 
 
 def values_of(calibration: ArmCalibration) -> dict[int, StoredMotor]:
-    """Values of a calibration for the motors, by id."""
+    """Return the values of a calibration for the motors, by id."""
     return {m.id: StoredMotor(m.homing_offset, m.range_min, m.range_max) for m in calibration.motors}
 
 
 class _Cancelled(Exception):
-    """The user has interrupted the writing."""
+    """The user interrupted the write."""
 
 
 def _store(
     target: CalibrationTarget, values: Mapping[int, StoredMotor], cancelled: Callable[[], bool]
 ) -> None:
-    """Write all motors, and read all of them back at the end."""
+    """Write all motors, then read all of them back."""
     for motor_id, value in values.items():
         if cancelled():
             raise _Cancelled("interrupted")
@@ -165,7 +165,7 @@ def _undone(
     journal: Journal,
     error: BaseException | None,
 ) -> NotWritten:
-    """Put the old values back, waiting a little for an arm that has gone; say what holds now."""
+    """Restore the old values, with a short wait for a disconnected arm; return the error to raise."""
     reason = str(error) if error else "interrupted"
     failure = _roll_back(target, old)
     if failure is None:

@@ -1,4 +1,4 @@
-"""The view of a calibration for a person: plain values, the same for the terminal and the page."""
+"""View of a calibration as plain values, shared by the terminal and the page."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class Step(str, Enum):
-    """The steps of one arm, in their order."""
+    """Steps of one arm, in order."""
 
     HOMING = "homing"
     SWEEP = "sweep"
@@ -31,10 +31,10 @@ class JointView:
     """One row.
 
     Attributes:
-        present_deg, low_deg, high_deg: about the middle pose; before there is one, of the encoder. None while
+        present_deg, low_deg, high_deg: about the middle pose, or of the encoder before it is taken; None if
             unknown.
-        coverage: share of the range that was seen, 0 to 1; low_found, high_found: the ends are certain.
-        note: what is remarkable about the joint; "" for nothing.
+        coverage: share of the range that was measured, 0 to 1; low_found, high_found: the end is certain.
+        note: remark about the joint; "" for none.
     """
 
     id: int
@@ -54,10 +54,10 @@ class View:
     """Everything that a front end shows.
 
     Attributes:
-        instruction: what to do now; message: what was refused or happened, "" for nothing.
-        is_problem: whether the message is about something to put right.
-        active: place of the joint that is to be moved; None for none.
-        commands: what can be asked for now: ``confirm``, ``back``, ``repeat``.
+        instruction: what to do now; message: refusal or event, "" for none.
+        is_problem: whether the message needs an action.
+        active: index of the joint to move; None for none.
+        commands: available requests: ``confirm``, ``back``, ``repeat``.
         ready: whether ``confirm`` would be accepted.
     """
 

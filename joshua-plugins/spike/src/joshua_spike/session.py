@@ -16,7 +16,7 @@ from joshua_spike.lines import HubState, Line
 from joshua_spike.link import HubLink
 from joshua_spike.pybricks import Status
 
-POLL_PERIOD_S = 0.02  # polling rate of the state without commands
+POLL_PERIOD_S = 0.02  # polling period of the state without commands
 REPLY_TIMEOUT_S = 0.25
 HELLO_TIMEOUT_S = 0.6
 READY_TIMEOUT_S = 5.0
@@ -223,7 +223,7 @@ class HubSession:
                 self.counters.lost += 1
         now_s = asyncio.get_running_loop().time()
         if self._targets is not None and len(self._sent) < MOST_OUTSTANDING:
-            # lines in the same packet carry no more than one
+            # targets sent together have no more effect than the last one
             early_s = self._sent_s + self.counters.round_trip_s * PIPELINE_SHARE - now_s
             if self._sent and early_s > 0:
                 return None, early_s

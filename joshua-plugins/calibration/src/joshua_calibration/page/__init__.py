@@ -1,1 +1,1 @@
-"""The page in the browser: a server on loopback, and the files that it serves."""
+"""The browser page: a server on loopback and the files that it serves."""

@@ -1,4 +1,4 @@
-"""The page as a front end: boards go to the server, requests come from it."""
+"""The page as a front end: it passes boards to the server and requests from it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from joshua_calibration.front_end import Board, FrontEnd, Request
 from joshua_calibration.page.server import PageServer
 
-LAST_WORD_S = 0.3  # how long pages may take to fetch the last board
+LAST_WORD_S = 0.3  # time for pages to fetch the last board
 
 
 class PageFrontEnd(FrontEnd):
@@ -22,11 +22,11 @@ class PageFrontEnd(FrontEnd):
 
     @property
     def address(self) -> str:
-        """What a browser opens."""
+        """Address that a browser opens."""
         return self._server.address
 
     def opening_address(self) -> str:
-        """An address that leads to the page once, for the command line of a browser."""
+        """Return a one-time address of the page, for the command line of a browser."""
         return self._server.opening_address()
 
     @property
@@ -35,21 +35,21 @@ class PageFrontEnd(FrontEnd):
         return not self._closed
 
     def show(self, board: Board) -> None:
-        """Send the board to every page that is open."""
+        """Send the board to every open page."""
         self._server.channel.put(board)
 
     def say(self, text: str) -> None:
-        """The page shows all that is said on its board."""
+        """Do nothing: the page shows all messages on its board."""
 
     def requests(self) -> Sequence[Request]:
-        """Buttons and keys that were pressed."""
+        """Return the requests from buttons and keys."""
         found = []
         while not self._asked.empty():
             found.append(self._asked.get())
         return found
 
     def close(self) -> None:
-        """Let pages have the last board, then stop the server."""
+        """Give pages time to fetch the last board, then stop the server."""
         if not self._closed:
             self._closed = True
             self._server.channel.close()

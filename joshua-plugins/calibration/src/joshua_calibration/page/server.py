@@ -1,9 +1,8 @@
-"""Serves the page on loopback: its files, the board as a stream of events, and requests from its buttons.
+"""Web server of the page on loopback: files, the board as an event stream, and requests from the buttons.
 
-The address holds a token that cannot be guessed. The names in Host and Origin must be the server's own, so
-that no other page, not even one whose name leads to this machine, can read the stream or press a button.
-What a browser is started with, everybody on the machine can read in the list of processes: it gets an address
-that leads to the page once.
+The address contains a random token. Host and Origin must be the server's own, so no other page, not even one
+whose name resolves to this machine, can read the stream or press a button. Every user of the machine can read
+the command line of a browser in the process list, so the browser is started with a one-time address.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ HEADERS = {
 
 
 class Channel:
-    """What server threads and the session share: the newest board, and a way to ask."""
+    """State shared by server threads and session: the newest board, and the requests."""
 
     def __init__(self, ask: Callable[[Request], None]) -> None:
         self.ask = ask
@@ -54,7 +53,7 @@ class Channel:
         self._closed = False
 
     def put(self, board: Board) -> None:
-        """Take the newest board; what is the same as before wakes nobody."""
+        """Set the newest board; an unchanged board wakes no stream."""
         text = json.dumps(asdict(board), separators=(",", ":"))
         with self._changed:
             if text != self._text:
@@ -62,25 +61,25 @@ class Channel:
                 self._changed.notify_all()
 
     def newer(self, number: int, timeout_s: float) -> tuple[int, str] | None:
-        """Wait for a board after ``number``; None at the end of the time, or of everything."""
+        """Wait for a board after ``number``; None on timeout or after the end."""
         with self._changed:
             self._changed.wait_for(lambda: self._number > number or self._closed, timeout_s)
             return (self._number, self._text) if self._number > number else None
 
     @property
     def closed(self) -> bool:
-        """Whether there will be no more boards."""
+        """Whether the last board was set."""
         return self._closed
 
     def close(self) -> None:
-        """End every stream, once it has sent the newest board."""
+        """End every stream after it has sent the newest board."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
 
 
 class PageServer:
-    """The server, on a free port of the loopback interface; threads end with the process.
+    """The server on a free loopback port; its threads end with the process.
 
     Args:
         ask: called with each request of the page, on a thread of the server.
@@ -110,21 +109,21 @@ class PageServer:
 
 
 class _Openings:
-    """Words that are good for one request each."""
+    """One-time tokens."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._words: set[str] = set()
 
     def new(self) -> str:
-        """Another word."""
+        """Return a new token."""
         word = secrets.token_urlsafe(24)
         with self._lock:
             self._words.add(word)
         return word
 
     def take(self, word: str) -> bool:
-        """Whether the word was good; it is not any more."""
+        """Return whether a token was valid, and invalidate it."""
         with self._lock:
             found = word in self._words
             self._words.discard(word)
@@ -145,7 +144,7 @@ class _Server(ThreadingHTTPServer):
         self.names = (f"{HOST}:{port}", f"localhost:{port}")
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A browser that goes away in the midst of an answer is no event."""
+        """Ignore browsers that disconnect during a response."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -156,7 +155,7 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = 30.0
 
     def do_GET(self) -> None:
-        """Files of the page, and the stream of boards."""
+        """Serve the files of the page and the stream of boards."""
         name = self._permitted_name()
         if name is None:
             return
@@ -169,7 +168,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.NOT_FOUND)
 
     def do_POST(self) -> None:
-        """Take a request of the page's buttons: an object with ``ask``, and ``joint`` to repeat one."""
+        """Handle a request of the page's buttons: an object with ``ask``, and ``joint`` to repeat one."""
         name = self._permitted_name()
         if name is None:
             return
@@ -192,7 +191,7 @@ class _Handler(BaseHTTPRequestHandler):
                 self._answer(HTTPStatus.NO_CONTENT)
 
     def _permitted_name(self) -> str | None:
-        """What of the page is asked for; None for one who may not ask, which has been answered."""
+        """Return the requested resource; None if the request was rejected."""
         if self.headers.get("Host") not in self.server.names:
             self._refuse(HTTPStatus.FORBIDDEN)
             return None
@@ -245,7 +244,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 - the name of the base class
-        """The terminal belongs to the table."""
+        """Log nothing: the terminal shows the table."""
 
 
 def _request(body: bytes) -> Request | None:
