@@ -190,7 +190,7 @@ def _conclude(session: Session, arms: Sequence[Arm], front_ends: Sequence[FrontE
     if rest:
         lines.append(f"{reason if not code else 'ended'}; not calibrated: {', '.join(rest)}.")
         if not code:
-            lines.append("What file and servos held before stays in force there.")
+            lines.append("Nothing changed there. The old calibration is still used.")
     text = "\n".join(lines)
     board = session.board(text)
     for front_end in reversed(front_ends):

@@ -115,7 +115,7 @@ function lost() {
 byId("confirm").addEventListener("click", () => ask("confirm"));
 byId("back").addEventListener("click", () => ask("back"));
 byId("quit").addEventListener("click", () => {
-  if (window.confirm("Stop the calibration? The old one stays in force.")) ask("quit");
+  if (window.confirm("Stop the calibration? The old one is still used.")) ask("quit");
 });
 document.addEventListener("keydown", (event) => {
   if (event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
