@@ -1,4 +1,4 @@
-"""Actuators of the model as a device: the same interface as a servo bus, with physics behind it."""
+"""Actuators of the model as a device with the interface of a servo bus."""
 
 from __future__ import annotations
 
@@ -16,25 +16,24 @@ from joshua_mujoco_sim.world import World, leave_world, shared_world
 if TYPE_CHECKING:
     from joshua_mujoco_sim.calibration_target import SimCalibrationTarget
 
-#: No-load speed of a small serial bus servo at 12 V, which the models stand for.
+#: No-load speed of a small serial bus servo at 12 V, as modelled.
 VELOCITY_MAX_RAD_S = 4.7
 
-#: Gain of the position loop around actuators that are driven by speed, such as wheels.
+#: Gain of the position loop around velocity actuators, such as wheels.
 WHEEL_GAIN_PER_S = 10.0
 
 
 class SimActuator(Actuator):
-    """Some actuators of the simulated model.
+    """A group of actuators of the simulated model.
 
-    With torque on, a position actuator goes to its goal as the model's drive does; a velocity actuator (a
-    wheel) turns until it has reached the goal angle. Once released, the drive applies no force: the arm falls
-    against the friction of its gears, and can be pushed. Until the first ``enable`` or ``release`` it is
-    braked where the model has it. A configured motion of its own replaces both. Effort is the actuator's
-    force, N·m.
+    With torque on, a position actuator moves to its goal by the model's drive, and a velocity actuator (a
+    wheel) turns until it reaches the goal angle. After a release the drive applies no force: the arm falls
+    against its gear friction and can be pushed. Until the first ``enable`` or ``release`` it is braked at its
+    initial position. A configured motion replaces both. Effort is the actuator's force, N·m.
 
     Args:
-        settings: which actuators.
-        context: of its node, whose facts hold the settings of the simulation.
+        settings: of the actuators.
+        context: of its node; its facts hold the settings of the simulation.
     """
 
     settings: SimActuatorSettings
@@ -63,7 +62,7 @@ class SimActuator(Actuator):
         return self._world is not None
 
     def connect(self) -> None:
-        """Join the simulation of this process, without torque. Raises DeviceError."""
+        """Join the simulation of this process with torque off. Raises DeviceError."""
         if self.connected:
             raise DeviceError("SimActuator.connect: the device is open already")
         simulation = self.context.facts.simulation
@@ -83,7 +82,7 @@ class SimActuator(Actuator):
         world.start()
 
     def read(self) -> JointReading:
-        """Read position, speed and force of all joints."""
+        """Return position, speed and force of all joints."""
         world, group = self._joined("read")
         if world.failure:
             raise DeviceError(world.failure)
@@ -121,19 +120,19 @@ class SimActuator(Actuator):
                 self._goal = self._angles(group)
 
     def release(self) -> None:
-        """Take torque off; does nothing on a closed device."""
+        """Disable torque; no effect on a closed device."""
         if self._world is not None:
             with self._world.lock:
                 self._goal, self._is_free = None, True
 
     def read_torque(self) -> dict[str, bool]:
-        """Whether the drives of the joints have a goal."""
+        """Return whether the drives of the joints have a goal."""
         world, _ = self._joined("read_torque")
         with world.lock:
             return dict.fromkeys(self.joint_names, self._goal is not None)
 
     def disconnect(self) -> None:
-        """Leave the simulation, with the drives as they are. Idempotent."""
+        """Leave the simulation and the drives unchanged. Idempotent."""
         world, self._world = self._world, None
         if world is None:
             return
@@ -162,7 +161,7 @@ class SimActuator(Actuator):
         self._unhook = world.before_step(self._drive)
 
     def _drive(self, physics: Physics) -> None:
-        """Set the goals of the drives, before each step and under the lock."""
+        """Set the goals of the drives (before each step, under the lock)."""
         group = self._group
         if group is None:
             return
@@ -180,7 +179,7 @@ class SimActuator(Actuator):
         group.set_command(goal)
 
     def _angles(self, group: ActuatorGroup) -> FloatArray:
-        """The joints about their zeros; under the lock."""
+        """Return the joint positions about their zeros. The caller holds the lock."""
         angles: FloatArray = self._sign * (group.position_rad - self._zero)
         return angles
 
@@ -192,7 +191,7 @@ class SimActuator(Actuator):
         return self.limits.clip(goal)
 
     def calibration_target(self) -> SimCalibrationTarget:
-        """What a calibration works on: the joints that turn between stops, and a hand that moves them."""
+        """Return the calibration target: the joints that turn between stops, and a simulated hand."""
         simulation = self.context.facts.simulation
         if not simulation or not any(joint["by_hand"] for joint in self.settings.joint_ranges):
             return super().calibration_target()  # type: ignore[no-any-return]

@@ -1,7 +1,7 @@
-"""Between the model's joint angles and those about a calibrated zero, as the encoders of its motors count.
+"""Conversion between the model's joint angles and angles about a calibrated zero.
 
-A simulated motor has an encoder of 4096 ticks a turn whose middle stands where the model's joint is at zero.
-It keeps nothing: the file alone holds its calibration, so that it is the same on every machine.
+A simulated motor has an encoder with 4096 ticks per turn, whose middle is the zero of the model's joint. It
+stores nothing: only the file holds its calibration, so it is the same on every machine.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from typing import Any
 
 from joshua.api.calibration import TICKS_PER_TURN, ArmCalibration, MotorCalibration, ticks_to_rad
 
-#: Identity of all simulated arms: what their joints can do decides whether a calibration fits.
+#: Identity of all simulated arms; the joint ranges decide whether a calibration fits.
 IDENTITY = "simulation"
 
-#: How far a calibrated range may reach beyond the model's: stops give way a little.
+#: Tolerance of a calibrated range beyond the model's, because stops yield slightly.
 TOLERANCE_RAD = math.radians(3)
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One joint about its own zero: its angle is ``sign`` times the way from ``zero_rad`` of the model.
+    """One joint about its own zero: its angle is ``sign`` times the offset from the model's ``zero_rad``.
 
     Attributes:
         min_rad, max_rad: limits about that zero.
@@ -36,15 +36,16 @@ class Frame:
 
 
 def encoder_ticks(model_rad: float) -> int:
-    """What the encoder of a motor reads at an angle of the model's joint."""
+    """Return the encoder reading of a motor at an angle of the model's joint."""
     return round(model_rad * TICKS_PER_TURN / math.tau + TICKS_PER_TURN / 2) % TICKS_PER_TURN
 
 
 def frames(joints: Sequence[Mapping[str, Any]], calibration: ArmCalibration | None) -> list[Frame]:
-    """The joints in their order; those that no calibration names count from the model's zero.
+    """Return the joints in order; uncalibrated joints count from the model's zero.
 
     Args:
-        joints: ``name``, ``min_rad`` and ``max_rad`` of each in the model; a motor's id is its place, from 1.
+        joints: ``name``, ``min_rad`` and ``max_rad`` of each in the model; a motor's id is its position, from
+            1.
     """
     motors = [calibration.motor(index + 1) if calibration else None for index in range(len(joints))]
     return [
@@ -56,10 +57,10 @@ def frames(joints: Sequence[Mapping[str, Any]], calibration: ArmCalibration | No
 
 
 def misfits(joints: Sequence[Mapping[str, Any]], calibration: ArmCalibration) -> Iterator[str]:
-    """What of a calibration cannot be true of the model's joints.
+    """Return contradictions between a calibration and the model's joints.
 
     Args:
-        joints: as for ``frames``; ``by_hand`` says of each whether it can be calibrated.
+        joints: as for ``frames``; ``by_hand`` tells whether each can be calibrated.
     """
     places = {index + 1: joint for index, joint in enumerate(joints) if joint["by_hand"]}
     for motor in calibration.motors:
@@ -92,7 +93,7 @@ def _range_in_model(joint: Mapping[str, Any], motor: MotorCalibration) -> tuple[
 
 
 def _zero(joint: Mapping[str, Any], motor: MotorCalibration) -> float:
-    """The model's angle that the calibration calls zero: of those a turn apart the one within the range."""
+    """Return the model's angle at the calibrated zero: of the angles a turn apart, the one within range."""
     offset = motor.homing_offset * math.tau / TICKS_PER_TURN
     middle: float = (joint["min_rad"] + joint["max_rad"]) / 2
     return offset + math.tau * round((middle - offset) / math.tau)

@@ -1,7 +1,7 @@
-"""The calibration target for a simulated arm, and the hand that moves its joints.
+"""Calibration target of a simulated arm, and the hand that moves its joints.
 
-The physics runs in the calibrating process itself. Nothing collides there: whoever holds an arm holds it
-clear of the table and of itself.
+The physics runs in the calibrating process. Collisions are off: a user would hold the arm clear of the table
+and of itself.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from joshua_mujoco_sim.physics import ActuatorGroup, FloatArray, Physics
 from joshua_mujoco_sim.settings import SimActuatorSettings, SimulationSettings
 from joshua_mujoco_sim.world import World, leave_world, shared_world
 
-#: How far the hand turns a joint that can go once around, to either side: there its ends are still apart.
+#: How far the hand turns a joint without stops to either side, so that its ends stay distinct.
 REACH_RAD = 2.9
 
 
 class SimCalibrationTarget(CalibrationTarget):
-    """Those joints of one arm that turn between two stops; wheels and slides keep the model's zero.
+    """The joints of one arm that turn between two stops; wheels and slides keep the model's zero.
 
     Args:
         settings: of the actuator; simulation: plain settings of the simulation.
@@ -59,25 +59,25 @@ class SimCalibrationTarget(CalibrationTarget):
 
     @property
     def motors(self) -> tuple[TargetMotor, ...]:
-        """The motors in the order of the actuators; an id is the actuator's place, from 1."""
+        """Motors in actuator order; the id is the actuator's position, from 1."""
         return self._motors
 
     @property
     def identity(self) -> str:
-        """The same for all simulated arms."""
+        """Identity, the same for all simulated arms."""
         return IDENTITY
 
     @property
     def connected(self) -> bool:
-        """Whether the physics runs."""
+        """Whether the physics is running."""
         return self._world is not None
 
     def connect(self) -> None:
-        """Start the physics, or joins that of another arm. Raises DeviceError."""
+        """Start the physics, or join that of another arm. Raises DeviceError."""
         if self.connected:
             return
         settings = SimulationSettings.model_validate(self._simulation).world()
-        try:  # at the pace of the person who watches, whatever the run's is
+        try:  # in real time for the user, independent of the run's factor
             world = shared_world(replace(settings, real_time_factor=1.0))
         except ModelError as error:
             raise DeviceError(str(error)) from error
@@ -96,7 +96,7 @@ class SimCalibrationTarget(CalibrationTarget):
         world.start()
 
     def disconnect(self) -> None:
-        """Leave the physics. Idempotent."""
+        """Leave the simulation. Idempotent."""
         world, self._world = self._world, None
         if world is None:
             return
@@ -106,7 +106,7 @@ class SimCalibrationTarget(CalibrationTarget):
         leave_world(world)
 
     def release(self) -> None:
-        """Release the joints; their drives only brake."""
+        """Release the joints; the drives only brake."""
         world, _, hand = self._joined("release")
         with world.lock:
             hand.let_go(world.physics)
@@ -119,19 +119,19 @@ class SimCalibrationTarget(CalibrationTarget):
         return tuple(encoder_ticks(float(angle)) for angle in positions)
 
     def stored(self) -> tuple[StoredMotor, ...] | None:
-        """None: simulated motors store nothing, so only the file contains the calibration."""
+        """Return None: simulated motors store nothing, so only the file contains the calibration."""
         return None
 
     def store(self, motor_id: int, values: StoredMotor) -> None:
-        """No effect: the model cannot store it."""
+        """Do nothing: the model cannot store it."""
 
     @property
     def hand(self) -> HandMoves:
-        """Moves the joints in place of the person who cannot take them."""
+        """Return the hand that moves the joints in place of the user."""
         return self._guide
 
     def misfits(self, calibration: ArmCalibration) -> Sequence[str]:
-        """Joints that the model does not have, and ranges beyond its own."""
+        """Return joints that the model does not have, and ranges beyond its own."""
         return tuple(misfits(self._settings.joint_ranges, calibration))
 
     def _guide(self, joint: int | None, seconds: float) -> bool:
@@ -149,7 +149,7 @@ class SimCalibrationTarget(CalibrationTarget):
             return group.position_rad
 
     def _move(self, physics: Physics) -> None:
-        """Let the drives brake and the hand pull, before each step and under the lock."""
+        """Apply the drives' brakes and the hand's forces (before each step, under the lock)."""
         group, hand = self._group, self._hand
         if group is None or hand is None:
             return
@@ -163,6 +163,6 @@ class SimCalibrationTarget(CalibrationTarget):
 
 
 def _reach(low: float, high: float) -> tuple[float, float]:
-    """How far the hand moves a joint: to its stops, where they are apart."""
+    """Return the range of the hand's motion: up to the stops if they are distinct."""
     middle, half = (low + high) / 2, (high - low) / 2
     return (low, high) if half <= REACH_RAD else (middle - REACH_RAD, middle + REACH_RAD)

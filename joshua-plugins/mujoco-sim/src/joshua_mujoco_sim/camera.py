@@ -23,15 +23,15 @@ COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 
-#: How often the drawing thread looks whether it is to end.
+#: Polling period of the drawing thread for its end.
 LEAVING_CHECK_S = 0.1
 
 
 class SimCamera(Sensor):
     """A camera of the simulated model.
 
-    ``Reading.data`` is a picture of shape (H, W, 3), uint8, RGB. Compressed pictures are PNG files. Its
-    CameraInfo is that of a pinhole with the camera's vertical field of view.
+    ``Reading.data`` is a picture of shape (H, W, 3), uint8, RGB. Compressed pictures are PNG files. The
+    CameraInfo is that of a pinhole camera with the model camera's vertical field of view.
 
     Args:
         settings: camera, size and rate.
@@ -61,7 +61,7 @@ class SimCamera(Sensor):
 
     @property
     def data_types(self) -> tuple[str, ...]:
-        """Raw and compressed pictures, and the camera's geometry."""
+        """Message types: raw and compressed images, and the camera's geometry."""
         return (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO)
 
     @property
@@ -106,7 +106,7 @@ class SimCamera(Sensor):
         return reading
 
     def message(self, reading: Reading, type_name: str, frame_id: str) -> Any:
-        """Make an ``Image`` (rgb8), a ``CompressedImage`` (PNG) or a ``CameraInfo``."""
+        """Return an ``Image`` (rgb8), a ``CompressedImage`` (PNG) or a ``CameraInfo``."""
         if type_name == CAMERA_INFO:
             return self._camera_info(reading, frame_id)
         if type_name == COMPRESSED_IMAGE:
@@ -134,7 +134,7 @@ class SimCamera(Sensor):
         leave_world(world)
 
     def _draw_all(self, world: World) -> None:
-        """Draw each frame that is due: on a thread of its own, because OpenGL binds its context to one."""
+        """Draw each due frame on a dedicated thread, because an OpenGL context belongs to one thread."""
         size = self.settings
         try:
             renderer = CameraRenderer(
@@ -163,9 +163,9 @@ class SimCamera(Sensor):
             renderer.close()
 
     def _watch(self, physics: Physics) -> None:
-        """Take in a frame at its very simulated time, or as soon as the one before it is drawn.
+        """Capture a frame at its exact simulated time, or as soon as the previous one is drawn.
 
-        A reset of the time starts again.
+        A time reset restarts the sequence.
         """
         now_s = physics.time_s
         if now_s < self._last_time_s:

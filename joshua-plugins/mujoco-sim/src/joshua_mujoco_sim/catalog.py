@@ -1,4 +1,4 @@
-"""The models that ship with this distribution, by name; importing this module loads no MuJoCo."""
+"""The models of this distribution, by name; importing this module does not load MuJoCo."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ class PackagedModel:
     """One model file.
 
     Attributes:
-        name: what ``model_path`` takes, such as ``so_arm100/scene.xml``.
-        summary: one line for people.
-        mjx: name of the variant that accelerators (MJX) accept; "" if there is none.
+        name: value for ``model_path``, such as ``so_arm100/scene.xml``.
+        summary: one-line description.
+        mjx: name of the variant for accelerators (MJX); "" if there is none.
     """
 
     name: str
@@ -51,13 +51,13 @@ PACKAGED_MODELS: tuple[PackagedModel, ...] = (
 
 
 def packaged_names() -> tuple[str, ...]:
-    """Every name that ``model_path`` may give, variants for accelerators last."""
+    """Return every name for ``model_path``, variants for accelerators last."""
     names = [model.name for model in PACKAGED_MODELS]
     return (*names, *(model.mjx for model in PACKAGED_MODELS if model.mjx))
 
 
 def find_packaged(name: str) -> Path | None:
-    """The file of a packaged model; None if no model has that name."""
+    """Return the file of a packaged model; None if no model has that name."""
     return MODELS_FOLDER / name if name in packaged_names() else None
 
 

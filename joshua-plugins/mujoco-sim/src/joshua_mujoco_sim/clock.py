@@ -1,4 +1,4 @@
-"""Simulated time: published on ``/clock``, and taken by the nodes of this process at once."""
+"""Simulated time, published on ``/clock`` and set directly for the nodes of this process."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from joshua.messages import message_class
 from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.world import World
 
-#: How often the clock is published, in simulated time.
+#: Publishing period of the clock, in simulated time.
 PERIOD_S = 0.01
 
 CLOCK = TopicSpec(name="/clock", type_name="rosgraph_msgs/msg/Clock", rate_hz=1 / PERIOD_S)
@@ -23,16 +23,16 @@ class ClockPublisher:
 
     Args:
         world: whose time; context: of the node that publishes.
-        publishes: False only sets the time of this process.
+        publishes: if False, only set the time of this process.
     """
 
     def __init__(self, world: World, context: NodeContext, *, publishes: bool = True) -> None:
         self._publisher = context.publisher(CLOCK) if publishes else None
         self._published_s = -PERIOD_S
-        self._unhook = world.after_step(self._tick, first=True)  # what is stamped afterwards has its time
+        self._unhook = world.after_step(self._tick, first=True)  # later stamps use the new time
 
     def close(self) -> None:
-        """End it."""
+        """Stop the clock."""
         self._unhook()
 
     def _tick(self, physics: Physics) -> None:
@@ -45,7 +45,7 @@ class ClockPublisher:
 
 
 def clock_message(time_s: float) -> Any:
-    """Make a ``rosgraph_msgs/msg/Clock``."""
+    """Return a ``rosgraph_msgs/msg/Clock``."""
     total_ns = round(time_s * 1e9)
     stamp = message_class("builtin_interfaces/msg/Time")(*divmod(total_ns, 1_000_000_000))
     return message_class("rosgraph_msgs/msg/Clock")(clock=stamp)

@@ -1,4 +1,4 @@
-"""Pause, step, reset and set-state of a simulation, as verbs of its node."""
+"""Verbs of a simulation's node: pause, resume, step, reset and set state."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pydantic import Field
 
 from joshua_mujoco_sim.world import World
 
-#: Most steps of one request: a minute of a 2 ms step.
+#: Largest number of steps per request: one minute at 2 ms per step.
 STEPS_LIMIT = 30_000
 
 
@@ -32,7 +32,7 @@ class State:
 
 
 class Controls:
-    """The verbs of a simulation. A real arm may follow a simulated one: some declare that they move.
+    """The verbs of a simulation. Some declare motion, because a real arm may follow a simulated one.
 
     Args:
         world: returns the world, once it is loaded.
@@ -75,7 +75,7 @@ class Controls:
         """Set the positions of joints, at rest."""
         world = self._world()
         model, data = world.physics.model, world.physics.data
-        # joints that one number describes
+        # joints with one degree of freedom
         single = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
         known = {model.joint(i).name: i for i in range(model.njnt) if model.jnt_type[i] in single}
         unknown = [name for name in state.joints if name not in known]
@@ -98,7 +98,7 @@ class Controls:
 
 
 def _beyond(model: mujoco.MjModel, joint: int, value: float) -> str:
-    """Say how a joint cannot be at a position; "" if it can."""
+    """Return why a joint cannot take a position; "" if it can."""
     name, unit = model.joint(joint).name, "rad"
     if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE:
         unit = "m"

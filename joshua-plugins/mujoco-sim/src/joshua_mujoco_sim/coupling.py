@@ -1,13 +1,13 @@
-"""Emulated devices that are part of this physics (``--emulate --sim``), over a UNIX socket.
+"""Coupling of emulated devices to the physics (``--emulate --sim``) over a UNIX socket.
 
-A bus introduces itself by a JSON packet with its actuators; the answer holds the middle of each joint's range
-in radians. From then on it sends what its servos want (target in radians, torque as fraction of stall, speed
-in rad/s for each joint, torque 0 for a servo that is off), and each time gets what its joints do (position in
-radians, speed in rad/s, load as fraction of stall).
+A bus registers with a JSON packet that names its actuators; the reply holds the middle of each joint's range
+in radians. It then sends the servos' commands (for each joint target in radians, torque as fraction of stall,
+speed in rad/s; torque 0 for a servo that is off) and receives the joint states (position in radians, speed in
+rad/s, load as fraction of stall).
 
-A camera introduces itself by name, width and height; the answer repeats the size. From then on each packet
-that it sends asks for a picture, which comes as rows of RGB bytes, in packets of at most
-``PICTURE_PACKET_SIZE`` bytes. It comes also while time stands still, as that of a real camera would.
+A camera registers with name, width and height; the reply repeats the size. Each further packet requests a
+picture, which is sent as rows of RGB bytes in packets of at most ``PICTURE_PACKET_SIZE`` bytes, also while
+the simulation is paused, as from a real camera.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ from joshua_mujoco_sim.physics import ActuatorGroup, FloatArray, Physics
 from joshua_mujoco_sim.rendering import CameraRenderer
 from joshua_mujoco_sim.world import World
 
-#: Longest packet: 64 joints, three numbers each.
+#: Longest packet: 64 joints with three numbers each.
 PACKET_SIZE = 64 * 3 * 8
 
-#: Part of a picture that fits into one packet on every system.
+#: Part of a picture that fits in one packet on every system.
 PICTURE_PACKET_SIZE = 32_768
 
-#: Pixels of a picture that a camera may ask for.
+#: Largest side of a requested picture in pixels.
 MAX_SIDE = 4096
 
-#: How long the end of a thread that draws is waited for.
+#: Longest wait for the end of a drawing thread.
 JOIN_S = 2.0
 
 
 class CouplingServer:
-    """Answers emulated buses and cameras for as long as the world lives.
+    """Serves emulated buses and cameras while the world exists.
 
     Args:
         world: the physics; path: of the socket; log: for devices that cannot join.
@@ -60,7 +60,7 @@ class CouplingServer:
         self._threads: list[threading.Thread] = []
         self._opening = threading.Lock()
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        path.unlink(missing_ok=True)  # of a process that was killed
+        path.unlink(missing_ok=True)  # left by a killed process
         self._listener.bind(str(path))
         self._listener.listen()
         threading.Thread(target=self._accept, name="coupling", daemon=True).start()
@@ -72,7 +72,7 @@ class CouplingServer:
             with contextlib.suppress(OSError):
                 link.shutdown(socket.SHUT_RDWR)
             link.close()
-        for thread in self._threads:  # each frees its OpenGL context itself
+        for thread in self._threads:  # each thread frees its own OpenGL context
             thread.join(JOIN_S)
         self._path.unlink(missing_ok=True)
 
@@ -117,12 +117,12 @@ class CouplingServer:
                     state = drives.state()
                 link.send(state)
         except ValueError as error:
-            self._log.error("an emulated bus sent nonsense: %s", error)
+            self._log.error("an emulated bus sent invalid data: %s", error)
         finally:
             remove()
 
     def _renderer(self, hello: dict[str, Any]) -> CameraRenderer:
-        """Open OpenGL for a camera, on the thread that is to draw."""
+        """Start OpenGL for a camera, on the thread that draws."""
         width, height = int(hello["width"]), int(hello["height"])
         if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
             raise ValueError(f"{width} × {height} is no size of a picture; allowed: up to {MAX_SIDE} a side")
@@ -132,7 +132,7 @@ class CouplingServer:
             raise ModelError(
                 f"the model has no camera named {hello['camera']!r}; it has {', '.join(known) or 'none'}"
             )
-        with self._opening:  # each widens the buffers of the model; time continues meanwhile
+        with self._opening:  # each enlarges the model's buffers; time continues
             return CameraRenderer(model, hello["camera"], width, height, shadows=self._world.settings.shadows)
 
     def _serve_camera(self, link: socket.socket, renderer: CameraRenderer) -> None:
@@ -150,7 +150,7 @@ class CouplingServer:
 
 
 class ServoDrives:
-    """Position servos of an emulated bus on actuators of the model: profile, torque limit, release.
+    """Position servos of an emulated bus, driving actuators of the model with profile and torque limit.
 
     Args:
         physics: the model; actuators: in joint order.
@@ -171,24 +171,24 @@ class ServoDrives:
         self.middle_rad = self._group.middle_rad
 
     def want(self, values: FloatArray) -> None:
-        """Take what the servos want. Raises ValueError for another number of values or one not finite."""
+        """Set the servos' commands. Raises ValueError for a wrong number of values or a non-finite one."""
         if values.shape != (3 * len(self._ids),) or not np.isfinite(values).all():
             raise ValueError(f"{values.size} values for {len(self._ids)} joints, or one that is not finite")
         self._target, self._torque, self._speed = values.reshape(-1, 3).T.copy()
 
     def state(self) -> bytes:
-        """What the joints do, packed."""
+        """Return the packed joint states."""
         group = self._group
         load = group.torque / np.where(self._stall > 0, self._stall, 1.0)
         return np.column_stack([group.position_rad, group.velocity_rad_s, load]).tobytes()
 
     def drive(self, physics: Physics) -> None:
-        """Move the set-points, before each step and under the lock."""
+        """Move the set-points (before each step, under the lock)."""
         position = self._group.position_rad
         on = self._torque > 0
         way = self._speed * physics.timestep_s
         step = np.clip(self._target - self._set_point, -way, way)
         self._set_point = np.where(on, self._set_point + step, position)
         self._group.set_command(self._set_point)
-        limit = self._stall * np.clip(self._torque, 0.0, 1.0)  # 0 without torque: the joint falls
+        limit = self._stall * np.clip(self._torque, 0.0, 1.0)  # 0 with torque off: the joint falls
         self._model.actuator_forcerange[self._ids] = np.column_stack([-limit, limit])

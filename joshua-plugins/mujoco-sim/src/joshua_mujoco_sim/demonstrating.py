@@ -1,4 +1,4 @@
-"""A scripted demonstrator as a leader of a run: it shows a task whose scene it knows."""
+"""A scripted demonstrator as the leader of a run, with full knowledge of the scene."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from joshua_mujoco_sim.envs.terms import Evaluator
 from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.world import World
 
-#: Simulated time in which the follower comes to rest at the start of a scene.
+#: Simulated time for the follower to settle at the start of a scene.
 SETTLE_S = 0.6
 
 _ONLY = np.zeros(1, np.int64)
@@ -26,34 +26,34 @@ _ONLY = np.zeros(1, np.int64)
 
 @dataclass(frozen=True)
 class Scene:
-    """Which scene: the same seed gives the same one."""
+    """Seed of a scene; the same seed gives the same scene."""
 
     seed: Annotated[int, Field(ge=0)] = 0
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a demonstration is: resting, settling, ready, showing, succeeded or failed."""
+    """Phase of a demonstration: resting, settling, ready, showing, succeeded or failed."""
 
     phase: str
     steps: int
 
 
 class _LiveState(SingleState):
-    """The state of a world that others step: its time goes on when the scene starts anew."""
+    """The state of a world stepped elsewhere; its time continues when a new scene starts."""
 
     def __init__(self, world: World, action_size: int) -> None:
         super().__init__(world.physics.model, action_size, data=world.physics.data)
 
     def reset(self, ids: IntArray, keyframe: int) -> None:
-        """Put the scene to a keyframe."""
+        """Reset the scene to a keyframe."""
         time_s = self.data.time
         super().reset(ids, keyframe)
         self.data.time = time_s
 
 
 class Demonstrator:
-    """Plays the scripted demonstrator of a task in a running world, episode by episode.
+    """Runs the scripted demonstrator of a task in a running world, episode by episode.
 
     Args:
         world: that runs the task's model; task: id of the environment; noise_rad: of the goals.
@@ -72,12 +72,12 @@ class Demonstrator:
 
     @property
     def goal(self) -> FloatArray:
-        """Where the demonstrator wants the joints, rad."""
+        """Joint goals of the demonstrator, rad."""
         return self._goal
 
     @verb(moves=True)
     def set_scene(self, scene: Scene) -> str:
-        """Start a scene anew, and hold the arm until a demonstration begins."""
+        """Start a new scene and hold the arm until a demonstration begins."""
         with self._world.lock:
             self._seed = scene.seed
             self._start_scene()
@@ -86,7 +86,7 @@ class Demonstrator:
 
     @verb(moves=True)
     def show(self) -> str:
-        """Begin to demonstrate the task in the scene."""
+        """Start the demonstration in the scene."""
         with self._world.lock:
             if self._phase != "ready":
                 raise RefusedError(f"the demonstrator is {self._phase}: set a scene, and wait for ready")
@@ -96,15 +96,15 @@ class Demonstrator:
 
     @verb(moves=False)
     def progress(self) -> Progress:
-        """Tell how far the demonstration is."""
+        """Report the phase of the demonstration."""
         return Progress(self._phase, self._steps)
 
     def advance(self, physics: Physics) -> None:
-        """Follow the simulated time (before each step, under the lock)."""
+        """Advance with simulated time (before each step, under the lock)."""
         if physics.time_s < self._next_s - 1e-9:
             return
         if self._phase == "settling":
-            self._start_scene()  # the follower holds its goal by now, and starts from where the scene starts
+            self._start_scene()  # the follower now holds its goal at the start of the scene
             self._phase = "ready"
         elif self._phase == "showing":
             mujoco.mj_forward(physics.model, physics.data)

@@ -1,4 +1,4 @@
-"""Episodes that OFFSCREEN makes by itself and hands to the writer of a data set, frame by exact frame."""
+"""Episodes generated in OFFSCREEN mode and passed to a data set writer frame by frame."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from joshua_mujoco_sim.settings_parts import DatasetSettings
 from joshua_mujoco_sim.trajectories.trajectory import FloatArray, Trajectory, TrajectoryError
 from joshua_mujoco_sim.world import World
 
-#: Episodes that may be lost in a row, by a divergence or a reset from outside, before this gives up.
+#: Consecutive episodes that may be lost to a divergence or an external reset before giving up.
 MOST_LOST = 5
 
 
 class RecordedDrive:
-    """Commands the joints of a recording, straight between its samples.
+    """Commands the joints of a recording, with linear interpolation.
 
     Args:
         physics: of the model; trajectory: the recording.
@@ -56,12 +56,12 @@ class RecordedDrive:
 
     @property
     def first(self) -> FloatArray:
-        """Where it begins."""
+        """Return the start position."""
         first: FloatArray = self._position[0]
         return first
 
     def command(self, time_s: float) -> None:
-        """Command what is due at a time of the recording; after its end, its last sample."""
+        """Command the positions at a time of the recording; after its end, the last sample."""
         at = int(np.searchsorted(self._time_s, time_s, side="right"))
         if at in (0, len(self._time_s)):
             self.group.set_command(self._position[min(at, len(self._time_s) - 1)])
@@ -72,18 +72,18 @@ class RecordedDrive:
 
 
 class EpisodeMaker:
-    """Makes episodes, one start of the scene after the other. The physics waits for each frame.
+    """Generates episodes, each from a new start of the scene. The physics waits for each frame.
 
     Args:
         world: what is recorded; settings: how many, how long, and where they go.
-        recordings: what drives the joints, in turn; () leaves that to the nodes of the file.
-        log: for each episode.
+        recordings: that drive the joints, in turn; () leaves driving to the nodes of the file.
+        log: receives a line for each episode.
 
     Raises:
         EpisodeError: the data set cannot be made; TrajectoryError: a recording does not fit the model.
 
     Attributes:
-        error: why it gave up; "" while all is well.
+        error: why it gave up; "" otherwise.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class EpisodeMaker:
             for joint, drive in zip(self._group.joints, self._group.drives, strict=True)
         ]
         self._keys = {camera: camera_key(camera) for camera in settings.cameras}
-        # drives other than those of positions take speeds or torques, so that there is no one unit
+        # other drives take speeds or torques, so there is no common unit
         unit = "rad" if set(self._group.drives) == {"position"} else ""
         self._writer: EpisodeWriter = load_target(settings.writer)(
             DatasetLayout(
@@ -131,12 +131,12 @@ class EpisodeMaker:
 
     @property
     def written(self) -> int:
-        """Episodes that are written."""
+        """Number of written episodes."""
         return self._writer.episodes
 
     @property
     def wanted(self) -> int:
-        """Episodes that are to be written."""
+        """Number of requested episodes."""
         return self._settings.count
 
     @property
@@ -145,12 +145,12 @@ class EpisodeMaker:
         return self.written >= self.wanted
 
     def begin(self) -> None:
-        """Start the first episode; after ``open``, and the caller holds the world's lock."""
+        """Start the first episode after ``open``. The caller holds the world's lock."""
         self._hooks = [self._world.before_step(self._look), self._world.after_step(self._keep)]
         self._start(0)
 
     def close(self) -> None:
-        """Forget an episode that has not ended; after the physics has stopped."""
+        """Discard an unfinished episode, after the physics has stopped."""
         for unhook in self._hooks:
             unhook()
         self._hooks = []
@@ -158,7 +158,7 @@ class EpisodeMaker:
         self._writer.close()
 
     def report(self) -> str:
-        """What was made, in one sentence."""
+        """Return the result in one sentence."""
         return f"{self._writer.episodes} of {self._settings.count} episodes in {self._settings.folder}"
 
     @property
@@ -190,7 +190,7 @@ class EpisodeMaker:
             self.error = str(error)
 
     def _keep(self, physics: Physics) -> None:
-        """Complete the frame by what was commanded in its step (after each step)."""
+        """Add the commands of its step to the frame (after each step)."""
         if self._pending is None or self.error:
             return
         frame, self._pending = self._pending | {ACTION: self._group.command}, None
@@ -200,7 +200,7 @@ class EpisodeMaker:
     def _write(self, stamp_ns: int, frame: dict[str, Any]) -> None:
         """Draw a frame and write it, while the physics waits (without the lock)."""
         if self.error or self._closed or self._world.physics.time_s < self._last_s:
-            return  # a frame whose step has diverged ends no episode
+            return  # a frame of a diverged step ends no episode
         try:
             pictures = {self._keys[camera]: drawn.draw() for camera, drawn in self._renderers.items()}
             self._writer.add_frame(Frame(stamp_ns, frame | pictures))
@@ -219,7 +219,7 @@ class EpisodeMaker:
             self.error = str(error)
 
     def _lose(self, physics: Physics) -> None:
-        """The simulation went back in time by itself: the episode is not what it should be."""
+        """Discard an episode after an external reset or a divergence."""
         self._writer.drop_episode()
         self._lost += 1
         if self._lost > MOST_LOST:
@@ -231,7 +231,7 @@ class EpisodeMaker:
         self._start(None)
 
     def open(self) -> None:
-        """Make the renderers; on the thread of the physics, to which OpenGL binds them."""
+        """Create the renderers on the physics thread, because OpenGL binds them to it."""
         settings, model = self._settings, self._world.physics.model
         try:
             for camera in settings.cameras:

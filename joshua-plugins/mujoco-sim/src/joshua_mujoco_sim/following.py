@@ -1,4 +1,4 @@
-"""Joints of the model that follow topics: MIRROR places them where a robot is, INTERACTIVE drives them."""
+"""Joints of the model that follow topics: MIRROR copies a robot's positions, INTERACTIVE drives joints."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Following(ABC):
         self._unhook = world.before_step(self._move)
 
     def close(self) -> None:
-        """Let the model go."""
+        """Stop following."""
         self._unhook()
 
     @abstractmethod
@@ -53,7 +53,7 @@ class Following(ABC):
 
 
 class Mirror(Following):
-    """Puts joints of messages into the model.
+    """Copies joint positions from messages to the model.
 
     The joints are placed, not driven: the twin shows where the robot is, whatever the gains of the model.
     Everything else in the model, such as an object on the table, moves by physics.
@@ -81,7 +81,7 @@ class Mirror(Following):
             self._context.subscribe(spec, self._handler(rows))
 
     def report(self) -> str:
-        """How long it took from a message to the state, in one sentence."""
+        """Return the lag from message to model state in one sentence."""
         if not self._lags_s:
             return "mirror: no message received; start the robot, and check its topics with joshua topic list"
         lags_ms = 1000 * np.array(self._lags_s)
@@ -92,7 +92,7 @@ class Mirror(Following):
 
     def _handler(self, rows: list[tuple[int, TopicMapping]]) -> Callable[[Any, int], None]:
         def take(message: Any, received_ns: int) -> None:
-            del received_ns  # the lag is taken on the monotonic clock
+            del received_ns  # lag on the monotonic clock
             self._take(message, rows)
 
         return take
@@ -124,7 +124,7 @@ class Mirror(Following):
                 self._move(self._world.physics)
 
     def _move(self, physics: Physics) -> None:
-        """Put the joints where the last messages say."""
+        """Set the joints to the positions of the last messages."""
         del physics
         known = np.isfinite(self._goal)
         if not known.any():
@@ -139,7 +139,7 @@ class Mirror(Following):
 
 
 class Commands(Following):
-    """Drives all actuators of the model to positions that anybody sends on ``~/joint_commands``."""
+    """Drives all actuators of the model to positions received on ``~/joint_commands``."""
 
     def subscribe(self) -> None:
         """Subscribe to the topic."""
@@ -147,7 +147,7 @@ class Commands(Following):
         self._context.subscribe(spec, self._take)
 
     def _take(self, message: Any, received_ns: int) -> None:
-        """Read a message (transport thread); what is unknown or no number is named and left out."""
+        """Read a message (transport thread); unknown joints and non-finite values are logged and skipped."""
         del received_ns
         goal = self._goal.copy()
         for name, value in zip(message.name, message.position, strict=False):

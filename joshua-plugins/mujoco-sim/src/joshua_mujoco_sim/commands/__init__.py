@@ -1,1 +1,1 @@
-"""Commands that this plugin brings."""
+"""Commands of this plugin."""

@@ -1,7 +1,7 @@
-"""``joshua demonstrate``: record a data set of a scripted demonstrator at a simulated task.
+"""``joshua demonstrate``: record a data set from a scripted demonstrator in a simulated task.
 
-Without ``--run`` each step waits for its frame. With it, the demonstrator leads the arm of a run, and the
-recorder of the run records that.
+Without ``--run``, each step waits for its frame. With ``--run``, the demonstrator leads the arm of a run, and
+the recorder of that run records it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 SUMMARY = "record a data set of a scripted demonstrator at a simulated task"
 
-#: Failed episodes in a row after which it gives up.
+#: Failed episodes in a row after which the command gives up.
 MOST_FAILED = 20
 
 
@@ -111,7 +111,7 @@ class Recorder:
 
     Args:
         environment: a single one with actions in rad; writer: an ``EpisodeWriter``; folder: of the data set.
-        cameras: that the environment shows.
+        cameras: of the environment.
     """
 
     def __init__(self, environment: Any, writer: Any, folder: Path, cameras: tuple[str, ...]) -> None:
@@ -138,11 +138,11 @@ class Recorder:
 
     @property
     def written(self) -> int:
-        """Episodes that are written."""
+        """Number of written episodes."""
         return int(self._writer.episodes)
 
     def episode(self, expert: Any, seed: int, task: str) -> bool:
-        """Play one episode and write it if it succeeds. Raises EpisodeError."""
+        """Run one episode and write it if it succeeds. Raises EpisodeError."""
         import numpy as np
         from joshua.features import ACTION, STATE, Frame
 
@@ -172,7 +172,7 @@ class Recorder:
         self._writer.close()
 
 
-#: What the data set calls each task.
+#: Task descriptions in the data set.
 TASKS = {
     "joshua/SoArm100Reach-v0": "Reach the goal.",
     "joshua/SoArm100PickPlace-v0": "Put the cube on the goal.",
@@ -199,12 +199,12 @@ def _record(recorder: Recorder, expert: Any, task: str, arguments: argparse.Name
 
 SIMULATOR, RECORDER = "/simulation", "/data_store"
 
-#: Wall time that a demonstration, or a scene, may take at most.
+#: Longest wall time of a demonstration or a scene.
 LONGEST_S = 300.0
 
 
 def _show(arguments: argparse.Namespace) -> int:
-    """Have the demonstrator of a run show episodes, and its recorder keep those that succeed."""
+    """Run the demonstrator of a run and keep successful episodes with its recorder."""
     from joshua.tools import CallError, ExitCode, RunningSystem
 
     if arguments.environment:
@@ -242,7 +242,7 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _one(system: Any, seed: int) -> bool:
-    """Show one scene. Raises CallError; the recorder keeps nothing half done."""
+    """Demonstrate one scene. Raises CallError; the recorder discards partial episodes."""
     system.call(SIMULATOR, "set_scene", {"seed": seed})
     _wait(system, ("ready",))
     system.call(RECORDER, "start", {}, timeout_s=30.0)

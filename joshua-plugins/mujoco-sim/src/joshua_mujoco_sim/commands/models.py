@@ -1,4 +1,4 @@
-"""``joshua models``: the models that ``model_path`` takes by name."""
+"""``joshua models``: list the models that ``model_path`` accepts by name."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the list, or what one model holds. Exit code 0; 2 for a model that cannot be loaded."""
+    """Print the list, or the content of one model. Exit code 0; 2 if a model cannot be loaded."""
     as_json = getattr(arguments, "format", "text") == "json"
     return _show(arguments.model, as_json) if arguments.model else _list(as_json)
 

@@ -11,22 +11,22 @@ HEALTHY_M = (0.2, 1.0)
 
 
 def motors(state: State) -> Any:
-    """The action is the torque of each motor, from -1 to 1."""
+    """Apply the action as the torque of each motor, -1 to 1."""
     return state.action
 
 
 def posture(state: State) -> Any:
-    """Height, attitude and joints; not where it is on the floor."""
+    """Return height, attitude and joints, without the position on the floor."""
     return state.qpos[:, 2:]
 
 
 def contact_forces(state: State) -> Any:
-    """What presses on each body but the world, cut off at ±1, shape (N, 6 · bodies)."""
+    """Return the contact forces on each body except the world, clipped to ±1, shape (N, 6 · bodies)."""
     return state.xp.clip(state.contact_forces[:, 1:], -1.0, 1.0).reshape(state.count, -1)
 
 
 def contact_size(state: State) -> Any:
-    """Sum of the squared contact forces, each cut off at ±1."""
+    """Return the sum of the squared contact forces, each clipped to ±1."""
     forces = state.xp.clip(state.contact_forces, -1.0, 1.0)
     return (forces * forces).sum(axis=(1, 2))
 
@@ -37,12 +37,12 @@ def torso(state: State) -> Any:
 
 
 def travelled(state: State, *, step_s: float) -> Any:
-    """Where the torso is along x, by the duration of a step: its change in a step is the speed in m/s."""
+    """Return the torso's x divided by the step duration; its change per step is the speed in m/s."""
     return state.body("torso")[:, 0] / step_s
 
 
 def unhealthy(state: State) -> Any:
-    """The torso is too low or too high, or the state is not finite."""
+    """Return whether the torso is too low or too high, or the state is not finite."""
     height = state.qpos[:, 2]
     finite = state.xp.isfinite(state.qpos.sum(axis=1) + state.qvel.sum(axis=1))
     return ~(finite & (height >= HEALTHY_M[0]) & (height <= HEALTHY_M[1]))
@@ -54,7 +54,7 @@ def healthy(state: State) -> Any:
 
 
 def start(state: State, ids: IntArray, generators: Generators, *, scale: float) -> None:
-    """Start with noise: positions uniform, speeds normal."""
+    """Start with noise: uniform positions, normal speeds."""
     for index, generator in zip(ids, generators, strict=True):
         state.qpos[index] += generator.uniform(-scale, scale, state.qpos.shape[1])
         state.qvel[index] += scale * generator.standard_normal(state.qvel.shape[1])

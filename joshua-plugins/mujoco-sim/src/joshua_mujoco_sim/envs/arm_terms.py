@@ -15,20 +15,20 @@ JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_ro
 #: Largest change of a goal in one step: 2.5 rad/s at 25 Hz.
 STEP_RAD = 0.1
 
-#: How far a goal may be ahead of its joint, so that a blocked joint does not wind up.
+#: Largest lead of a goal over its joint, so a blocked joint does not wind up.
 LEAD_RAD = 0.4
 
 HALF_CUBE_M = 0.0125
 
-#: Distance of the grip from its goal, and of the cube from its own, at which the task is done.
+#: Distances of grip and cube from their goals at which the task succeeds.
 REACHED_M, PLACED_M = 0.01, 0.02
 
-#: Distance of grip and cube from which on the jaw has let go.
+#: Distance between grip and cube from which the cube counts as released.
 LET_GO_M = 0.03
 
 
 def move_goals(state: State) -> Any:
-    """The action moves the servos' goals, at most ``STEP_RAD`` a step, inside the joints' ranges."""
+    """Apply the action as a change of the goals, at most ``STEP_RAD`` per step, within joint ranges."""
     xp, arm = state.xp, state.qpos[:, :6]
     low, high = goal_ranges(state.model)
     goal = xp.clip(state.ctrl + STEP_RAD * state.action, arm - LEAD_RAD, arm + LEAD_RAD)
@@ -36,7 +36,7 @@ def move_goals(state: State) -> Any:
 
 
 def take_goals(state: State) -> Any:
-    """The action is the servos' goals in rad, as data sets hold them, inside the joints' ranges."""
+    """Apply the action as goals in rad, as in data sets, within joint ranges."""
     low, high = goal_ranges(state.model)
     return state.xp.clip(state.action, low, high)
 
@@ -57,12 +57,12 @@ def highest_goals(model: mujoco.MjModel) -> FloatArray:
 
 
 def present_goals(state: State) -> Any:
-    """The goals as they are, rad, shape (N, 6)."""
+    """Return the present goals, rad, shape (N, 6)."""
     return state.ctrl
 
 
 def workspace(model: mujoco.MjModel) -> FloatArray:
-    """A place in the middle of what the arm reaches, m."""
+    """Return a point in the middle of the workspace, m."""
     del model
     return np.array([0.0, -0.25, 0.12])
 
@@ -93,17 +93,17 @@ def offset(state: State, *, first: str, second: str) -> Any:
 
 
 def closeness(state: State, *, first: str, second: str, scale_m: float) -> Any:
-    """1 where two sites meet, falling with the distance as 1 − tanh(d / scale)."""
+    """Return 1 − tanh(d / scale) of the distance between two sites."""
     return 1.0 - state.xp.tanh(distance(state, first=first, second=second) / scale_m)
 
 
 def within(state: State, *, first: str, second: str, radius_m: float) -> Any:
-    """Two sites are nearer than a radius."""
+    """Return whether two sites are closer than a radius."""
     return distance(state, first=first, second=second) < radius_m
 
 
 def within_reward(state: State, *, first: str, second: str, radius_m: float) -> Any:
-    """1 where two sites are nearer than a radius, as a reward."""
+    """Return 1 if two sites are closer than a radius, as a reward."""
     return 1.0 * within(state, first=first, second=second, radius_m=radius_m)
 
 
@@ -118,36 +118,36 @@ def goal_position(state: State) -> Any:
 
 
 def lifted(state: State, *, height_m: float) -> Any:
-    """How far the cube is off the table, from 0 to 1 at ``height_m``; 1 above the goal at any height."""
+    """Return the height of the cube above the table, 1 at ``height_m``; always 1 above the goal."""
     xp = state.xp
     height = xp.clip((state.site("cube")[:, 2] - HALF_CUBE_M) / height_m, 0.0, 1.0)
     return xp.where(_beside(state, PLACED_M), 1.0, height)
 
 
 def placed(state: State, *, radius_m: float) -> Any:
-    """The cube rests on the goal, and the grip has let go of it."""
+    """Return whether the cube rests on the goal and is released."""
     down = state.xp.abs(state.site("cube")[:, 2] - HALF_CUBE_M) < 0.004
     away = distance(state, first="gripper", second="cube") > LET_GO_M
     return _beside(state, radius_m) & down & away
 
 
 def placed_reward(state: State, *, radius_m: float) -> Any:
-    """1 where the cube is placed, as a reward."""
+    """Return 1 if the cube is placed, as a reward."""
     return 1.0 * placed(state, radius_m=radius_m)
 
 
 def dropped(state: State) -> Any:
-    """The cube has fallen off the table."""
+    """Return whether the cube has fallen off the table."""
     return state.site("cube")[:, 2] < -0.05
 
 
 def dropped_reward(state: State) -> Any:
-    """1 where the cube has fallen off the table, as a reward, whose weight is negative."""
+    """Return 1 if the cube has fallen off the table, for a reward with negative weight."""
     return 1.0 * dropped(state)
 
 
 def _beside(state: State, radius_m: float) -> Any:
-    """The cube is above or on the goal."""
+    """Return whether the cube is above or on the goal."""
     way = offset(state, first="cube", second="goal")
     return square_sum(way[:, :2]) < radius_m**2
 
@@ -161,7 +161,7 @@ def place_goal(
     angle_rad: float,
     height_m: tuple[float, float],
 ) -> None:
-    """Put the goal somewhere in front of the arm: a sector of a ring, at some height."""
+    """Place the goal at random in front of the arm: a sector of a ring, at some height."""
     for index, generator in zip(ids, generators, strict=True):
         state.mocap_pos[index, 0] = _in_sector(generator, radius_m, angle_rad, height_m)
 
@@ -175,7 +175,7 @@ def place_cube(
     angle_rad: float,
     apart_m: float,
 ) -> None:
-    """Put the cube on the table in front of the arm, turned anyhow, and not on the goal."""
+    """Place the cube at random on the table in front of the arm, in any orientation, not on the goal."""
     start = int(state.model.joint("cube").qposadr[0])
     for index, generator in zip(ids, generators, strict=True):
         for _ in range(100):
@@ -188,7 +188,7 @@ def place_cube(
 
 
 def arm_columns(model: mujoco.MjModel) -> Columns:
-    """Where the joints of the arm stand in the state."""
+    """Return the indices of the arm's joints in the state."""
     return Columns(model, JOINTS)
 
 

@@ -21,7 +21,7 @@ def velocities(state: State, *, qvel: Any = slice(None)) -> Any:
 
 
 def lead(state: State, *, qpos: Any = slice(None)) -> Any:
-    """How far each command is ahead of its joint, shape (N, k)."""
+    """Return the lead of each command over its joint, shape (N, k)."""
     return state.ctrl - state.qpos[:, qpos]
 
 
@@ -31,12 +31,12 @@ def site_position(state: State, *, site: str) -> Any:
 
 
 def last_action(state: State) -> Any:
-    """What the policy wanted, shape (N, A)."""
+    """Return the last action of the policy, shape (N, A)."""
     return state.action
 
 
 def alive(state: State) -> Any:
-    """1 for each step."""
+    """Return 1 for each step."""
     return state.xp.ones(state.count)
 
 
@@ -56,7 +56,7 @@ def joint_speed(state: State, *, qvel: Any = slice(None)) -> Any:
 
 
 def not_finite(state: State) -> Any:
-    """The simulation has diverged."""
+    """Return whether the simulation has diverged."""
     return ~state.xp.isfinite(state.qvel.sum(axis=1))
 
 
@@ -70,7 +70,7 @@ def noisy_joints(
     position_rad: float = 0.0,
     velocity_rad_s: float = 0.0,
 ) -> None:
-    """Start with joints a little beside their keyframe, uniformly."""
+    """Start with uniform noise on the joints of the keyframe."""
     for index, generator in zip(ids, generators, strict=True):
         target = state.qpos[index, qpos]
         state.qpos[index, qpos] = target + generator.uniform(-position_rad, position_rad, target.shape)
@@ -89,10 +89,10 @@ def randomise(
     rows: Any = slice(None),
     columns: Any = None,
 ) -> None:
-    """Domain randomisation: multiplies a field of the model by one factor for each episode.
+    """Randomise the domain: multiply a field of the model by one factor per episode.
 
     Args:
-        state: the simulations; ids: those that start again; generators: one for each.
+        state: the simulations; ids: those that restart; generators: one for each.
         field: of the model, such as ``geom_friction``, ``body_mass``, ``actuator_gainprm``, ``dof_damping``.
         low, high: range of the factor, uniform.
         rows: which entries of the field; columns: which columns of them, None for all.
@@ -105,7 +105,7 @@ def randomise(
 
 
 def randomise_servos(state: State, ids: IntArray, generators: Generators, *, low: float, high: float) -> None:
-    """Domain randomisation of position servos: gain and its matching bias by one factor."""
+    """Randomise position servos: multiply gain and matching bias by one factor."""
     gain, bias = state.parameter("actuator_gainprm"), state.parameter("actuator_biasprm")
     nominal_gain, nominal_bias = _nominal(state, "actuator_gainprm"), _nominal(state, "actuator_biasprm")
     for index, generator in zip(ids, generators, strict=True):
@@ -115,7 +115,7 @@ def randomise_servos(state: State, ids: IntArray, generators: Generators, *, low
 
 
 def _nominal(state: State, field: str) -> Any:
-    """The value of a field before anything was randomised."""
+    """Return the value of a field before randomisation."""
     key = f"nominal {field}"
     if key not in state.memory:
         state.memory[key] = np.array(state.parameter(field)[0])

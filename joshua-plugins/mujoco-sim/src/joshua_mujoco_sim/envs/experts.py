@@ -1,4 +1,4 @@
-"""Scripted demonstrators: they do a task by inverse kinematics, knowing where everything is."""
+"""Scripted demonstrators: solve a task by inverse kinematics with full knowledge of the scene."""
 
 from __future__ import annotations
 
@@ -15,34 +15,34 @@ from joshua_mujoco_sim.envs.state import FloatArray
 #: Joints that place the grip; the sixth is the gripper.
 _REACHING = 5
 
-#: Where the gripper's goal stands, rad: open for the cube, closed on it (its servo presses), let go.
+#: Gripper goals, rad: open for the cube, closed on it (the servo presses), released.
 OPEN_RAD, CLOSED_RAD, RELEASED_RAD = 0.9, -0.1, 0.7
 
-#: Largest way of the grip in one step: 0.25 m/s.
+#: Largest motion of the grip in one step: 0.25 m/s.
 STEP_M = 0.008
 
 #: Height of the grip above the cube before and after it is held.
 HOVER_M, CARRY_M = 0.042, 0.028
 
-#: Height of the grip above the middle of the cube that it takes: the moving jaw swings clear of the table.
+#: Height of the grip above the centre of the cube when grasping; keeps the moving jaw clear of the table.
 GRASP_M = 0.006
 
 
 class Expert(Protocol):
-    """What does a task in one environment, episode by episode."""
+    """Solves a task in one environment, episode by episode."""
 
     def reset(self) -> None:
-        """Begin an episode; after ``environment.reset``."""
+        """Begin an episode. Call it after ``environment.reset``."""
 
     def act(self) -> Any:
         """Return the action of this step."""
 
 
 class Kinematics:
-    """Inverse kinematics of the SO-ARM100 on data of its own.
+    """Inverse kinematics of the SO-ARM100 on its own data.
 
     Args:
-        model: that holds the arm, whose joints come first.
+        model: contains the arm; the arm's joints come first.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -54,12 +54,12 @@ class Kinematics:
     def solve(
         self, joints: FloatArray, target_m: FloatArray, yaw_rad: float | None = None, rounds: int = 12
     ) -> FloatArray:
-        """Joint angles (rad) near ``joints`` that bring the grip to a place.
+        """Return joint angles (rad) near ``joints`` that bring the grip to a point.
 
         Args:
             joints: where the search starts, rad, five.
-            target_m: of the grip. With ``yaw_rad`` it points down as far as the arm reaches, the jaws closing
-                along a horizontal line at that angle about z, either way round.
+            target_m: of the grip. With ``yaw_rad`` it points down as far as possible, and the jaws close
+                along a horizontal line at that angle about z, in either orientation.
         """
         model, data, (translation, rotation) = self._model, self._data, self._jacobians
         found = np.array(joints)
@@ -83,7 +83,7 @@ class Kinematics:
 
     @staticmethod
     def _turn(frame: FloatArray, yaw_rad: float) -> FloatArray:
-        """The rotation vector (world) that is missing: the fingers (-y) down, x along the line."""
+        """Return the remaining rotation vector (world): fingers (-y) down, x along the line."""
         down = np.cross(-frame[:, 1], (0.0, 0.0, -1.0))
         line = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
         line = line if line @ frame[:, 0] >= 0 else -line
@@ -97,7 +97,7 @@ class _ArmExpert:
 
     Args:
         environment: a single environment of the task; its actions may be ``delta`` or ``absolute``.
-        noise_rad: of the goals, normal, so that demonstrations differ; seed: of the noise.
+        noise_rad: normal noise of the goals, to vary demonstrations; seed: of the noise.
     """
 
     def __init__(self, environment: TermEnv, *, noise_rad: float = 0.0, seed: int | None = None) -> None:
@@ -136,7 +136,7 @@ class _ArmExpert:
         yaw: float | None = None,
         settle: int = 0,
     ) -> Iterator[FloatArray]:
-        """Goals on the way to a target, which may move, and some more while the arm settles there."""
+        """Yield goals on the way to a target, which may move, and further ones while the arm settles."""
         present = target if callable(target) else lambda: target
         while True:
             way = present() - self._at
@@ -153,7 +153,7 @@ class _ArmExpert:
 
 
 class ReachExpert(_ArmExpert):
-    """Brings the grip to the goal, correcting for what the servos sag."""
+    """Moves the grip to the goal and compensates for servo sag."""
 
     def _steps(self) -> Iterator[FloatArray]:
         gripper = float(self._goal[5])
@@ -165,7 +165,7 @@ class ReachExpert(_ArmExpert):
 
 
 class PickPlaceExpert(_ArmExpert):
-    """Grasps the cube from above, carries it over the goal, puts it down and lets go."""
+    """Grasps the cube from above, carries it over the goal, places it and releases it."""
 
     def _steps(self) -> Iterator[FloatArray]:
         def cube() -> FloatArray:
@@ -205,9 +205,9 @@ class PickPlaceExpert(_ArmExpert):
             yield from self._move(over, RELEASED_RAD, yaw, settle=5)
 
     def _grasp_angle(self) -> float:
-        """Angle about z of the line along which the jaws close: across two faces of the cube.
+        """Return the closing direction of the jaws about z: across two faces of the cube.
 
-        Of the four, the one that turns the wrist least from where it stands.
+        Of the four directions, the one with the smallest wrist rotation.
         """
         w, x, y, z = self._state.qpos[0, 9:13]
         yaw = float(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))

@@ -1,4 +1,4 @@
-"""What an environment shows: its numbers, pictures of cameras, or both."""
+"""Observations of an environment: state, camera pictures, or both."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ OBSERVATION_MODES = ("state", "pixels", "both")
 
 
 class Observer:
-    """Makes the observations of an environment.
+    """Computes the observations of an environment.
 
-    ``state`` is one array. ``pixels`` is a dictionary of pictures by the name of their camera, ``both`` has
-    the array beside them as ``state``.
+    ``state`` is one array. ``pixels`` is a dictionary of pictures by camera name. ``both`` adds the array as
+    ``state``.
 
     Args:
         evaluator: of the numbers; state: of the simulations.
@@ -81,7 +81,7 @@ class Observer:
             data.qpos[:] = state.qpos[index]
             data.mocap_pos[:] = state.mocap_pos[index]
             mujoco.mj_kinematics(state.model, data)
-            mujoco.mj_comPos(state.model, data)  # cameras that track look at centres of mass
+            mujoco.mj_comPos(state.model, data)  # tracking cameras look at centres of mass
             mujoco.mj_camlight(state.model, data)
             renderer.look(data)
             pictures[index] = renderer.draw()
@@ -95,7 +95,7 @@ class Observer:
 
 
 def first(observation: Any) -> Any:
-    """The observation of the first simulation alone."""
+    """Return the observation of the first simulation only."""
     if isinstance(observation, dict):
         return {name: value[0] for name, value in observation.items()}
     return observation[0]

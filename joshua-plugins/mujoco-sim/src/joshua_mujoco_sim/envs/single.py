@@ -1,4 +1,4 @@
-"""One environment by the Gymnasium interface."""
+"""One environment with the Gymnasium interface."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class TermEnv(gymnasium.Env[Any, Any]):
 
     @property
     def state(self) -> SingleState:
-        """The simulation, for tests and for own terms."""
+        """The simulation, for tests and custom terms."""
         return self._state
 
     @property
@@ -92,13 +92,13 @@ class TermEnv(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Start an episode; the same seed starts the same one."""
+        """Start an episode; the same seed gives the same episode."""
         super().reset(seed=seed)
         self._evaluator.reset(_ONLY, (self.np_random,))
         return first(self._observer.all()), {"objects": first(self._evaluator.objects())}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Do one action. Raises ValueError for one that has another shape or is not finite."""
+        """Apply one action. Raises ValueError if its shape is wrong or it is not finite."""
         state, evaluator = self._state, self._evaluator
         evaluator.act(np.asarray(action)[None])
         state.step(self.task.frame_skip)
@@ -113,7 +113,7 @@ class TermEnv(gymnasium.Env[Any, Any]):
         return first(self._observer.all()), float(reward[0]), bool(ended[0]), False, info
 
     def observe_robot(self, position_rad: Any, velocity_rad_s: Any, goal_m: Any) -> Any:
-        """What a policy sees of a robot whose joints are where these say; nothing is simulated.
+        """Return the observation of a robot with these joints, without simulation.
 
         Args:
             position_rad, velocity_rad_s: of the model's joints in their order.
@@ -127,7 +127,7 @@ class TermEnv(gymnasium.Env[Any, Any]):
         return first(self._observer.all())
 
     def goals_of(self, action: Any) -> Any:
-        """The goals of the servos, rad, that an action asks of the robot that was observed last."""
+        """Return the servo goals, rad, of an action for the last observed robot."""
         self._evaluator.act(np.asarray(action)[None])
         self._state.elapsed_steps += 1
         return self._state.ctrl[0].copy()
@@ -158,7 +158,7 @@ def make_task(
     weights: Mapping[str, float] | None,
     randomise: bool,
 ) -> Task:
-    """Make a task with what the caller changes of it.
+    """Return a task with the caller's changes.
 
     Raises:
         ValueError: the task has nothing that ``randomise`` could vary.
@@ -176,5 +176,5 @@ def make_task(
 
 
 def shown_cameras(task: Task, observation_mode: str, cameras: Sequence[str]) -> Sequence[str]:
-    """The cameras that observations show: those that were asked for, else the task's own."""
+    """Return the cameras of observations: the requested ones, else the task's."""
     return cameras or (() if observation_mode == "state" else (task.camera,))

@@ -22,7 +22,7 @@ SERVO_FIELDS = ("actuator_gainprm", "actuator_biasprm")
 
 @dataclass
 class Outcome:
-    """What one step of all environments gave, as arrays of shape (N, …).
+    """Result of one step of all environments, as arrays of shape (N, …).
 
     Attributes:
         observations: those that the next action answers, of fresh episodes where one has ended.
@@ -102,7 +102,7 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
 
     @property
     def state(self) -> BatchState:
-        """The simulations, for tests and for own terms."""
+        """The simulations, for tests and custom terms."""
         return self._state
 
     @property
@@ -134,7 +134,7 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         return self._observer.all(), {"objects": self._evaluator.objects()}
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Do one action in each environment, shape (N, A)."""
+        """Apply one action in each environment, shape (N, A)."""
         done = self.advance(actions)
         info: dict[str, Any] = {
             "reward_terms": done.reward_terms,
@@ -150,7 +150,7 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         return done.observations, done.rewards, done.terminated, done.truncated, info
 
     def advance(self, actions: Any) -> Outcome:
-        """Do one action in each environment, without a dictionary for each. As ``step`` else."""
+        """Apply one action in each environment like ``step``, but without a dictionary for each."""
         state, evaluator = self._state, self._evaluator
         evaluator.act(actions)
         state.step(self.task.frame_skip)
@@ -179,9 +179,9 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         return Outcome(observations, reward, ended, truncated, success, final, terms, objects)
 
     def snapshot(self) -> dict[str, Any]:
-        """Everything that decides how the environments continue, as arrays of numbers by name.
+        """Return the complete state of the environments as arrays by name.
 
-        Restored into environments that are made alike, they go on bit for bit.
+        Restored into equally constructed environments, they continue bit for bit.
         """
         state = self._state
         arrays: dict[str, Any] = {
@@ -202,10 +202,10 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         return {name: np.array(values) for name, values in arrays.items()}
 
     def restore(self, arrays: Mapping[str, Any]) -> None:
-        """Take up what ``snapshot`` gave.
+        """Restore a result of ``snapshot``.
 
         Raises:
-            ValueError: it is of another task or of another number of environments.
+            ValueError: it belongs to another task or another number of environments.
         """
         state = self._state
         known = self.snapshot()
@@ -235,7 +235,7 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
 
 
 def _packed(generator: np.random.Generator) -> Any:
-    """The state of a PCG64 generator as six numbers of 64 bits."""
+    """Return the state of a PCG64 generator as six 64-bit numbers."""
     own: Any = generator.bit_generator.state
     wide = (own["state"]["state"], own["state"]["inc"])
     halves = [part for number in wide for part in (number >> 64, number & (2**64 - 1))]
@@ -253,7 +253,7 @@ def _unpack(generator: np.random.Generator, packed: Any) -> None:
 
 
 def _masked(mask: Any, count: int) -> IntArray:
-    """The environments that a mask marks; all of them without one."""
+    """Return the environments that a mask selects; all without a mask."""
     if mask is None:
         return np.arange(count)
     given = np.asarray(mask)
