@@ -1,7 +1,7 @@
-"""A hand that holds joints of the model and moves them along paths, in place of a person's.
+"""A simulated hand that holds joints of the model and moves them along paths.
 
-Forces come from the model's own inertia and weight, so that the hand is as strong as the arm needs, and the
-stops of the joints are those of the physics.
+Forces are scaled by the model's inertia and weight, so the hand is as strong as the arm requires; the joint
+stops are those of the physics.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ from joshua_calibration.hand import Path
 
 from joshua_mujoco_sim.physics import ActuatorGroup, FloatArray, Physics
 
-#: How firmly a joint is brought onto its path; critically damped.
+#: Stiffness of the path tracking; critically damped.
 STIFFNESS_PER_S2 = 10_000.0
 DAMPING_PER_S = 200.0
 
-#: How far the hand continues from one look at the joints to the next: less than it rests at an end of a
-#: range.
+#: Longest motion between two readings of the joints; shorter than the rest at the ends of a range.
 LOOK_S = 0.02
 
 #: Largest acceleration, which bounds the force at a stop or an obstacle.
@@ -27,9 +26,9 @@ ACCELERATION_RAD_S2 = 5_000.0
 
 
 class Hand:
-    """Moves all joints of a group; those without a path are held where they were.
+    """Moves all joints of a group; joints without a path are held in place.
 
-    Whoever calibrates must see every part of the way: the hand continues only as fast as somebody looks.
+    A calibration must see the whole motion, so the hand advances only as fast as the joints are read.
 
     Args:
         physics: the model; group: the joints.
@@ -46,21 +45,21 @@ class Hand:
         self._force: FloatArray = np.zeros(physics.model.nv)
 
     def follow(self, paths: Mapping[int, Path]) -> None:
-        """Take hold of all joints, and move some: paths in radians of the model from now on."""
+        """Hold all joints and move some along paths in radians of the model, starting now."""
         self._still = self._group.position_rad
         self._paths, self._elapsed_s, self._left_s = paths, 0.0, LOOK_S
 
     def looked_at(self) -> None:
-        """Say that somebody has seen where the joints are."""
+        """Report that the joints were read."""
         self._left_s = LOOK_S
 
     def let_go(self, physics: Physics) -> None:
-        """Let all joints go."""
+        """Release all joints."""
         self._still, self._paths = None, {}
         physics.data.qfrc_applied[self._dofs] = 0.0
 
     def push(self, physics: Physics) -> None:
-        """Apply the forces, before each step and under the lock."""
+        """Apply the forces (before each step, under the lock)."""
         if self._still is None:
             return
         data, elapsed_s, step_s = physics.data, self._elapsed_s, physics.timestep_s

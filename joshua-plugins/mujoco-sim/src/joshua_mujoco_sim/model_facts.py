@@ -1,4 +1,4 @@
-"""Facts of a compiled model, for checking names of a file before the start."""
+"""Summary of a compiled model, for checking names in a file before the start."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 
 class ModelFacts(BaseModel):
-    """What the compiled model has; ``ranges`` in radians by actuator, with the name of its joint.
+    """Content of the compiled model; ``ranges`` in radians by actuator, with the joint name.
 
-    ``by_hand`` names the actuators whose joints can be calibrated, ``torque_driven`` those that take a torque
-    and no position or speed; ``timestep_s`` is the time of one step.
+    ``by_hand`` names the actuators whose joints can be calibrated, ``torque_driven`` those that accept only a
+    torque; ``timestep_s`` is the time step.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -37,7 +37,7 @@ class ModelFacts(BaseModel):
 
 
 class AttachedModel(BaseModel):
-    """A further model in the scene, see ``model_file.Attachment``."""
+    """An additional model in the scene, see ``model_file.Attachment``."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -48,21 +48,21 @@ class AttachedModel(BaseModel):
 
 
 def attachments(attached: Sequence[AttachedModel]) -> tuple[Attachment, ...]:
-    """The same as what the model is compiled with."""
+    """Return the equivalent for compiling the model."""
     from joshua_mujoco_sim.model_file import Attachment
 
     return tuple(Attachment(**model.model_dump()) for model in attached)
 
 
 def facts_of(simulation: Mapping[str, Any]) -> ModelFacts:
-    """What the model of a simulation has, given its settings as plain values."""
+    """Return the content of a simulation's model, from its settings as plain values."""
     attached = tuple(AttachedModel.model_validate(values) for values in simulation.get("attached", ()))
     return model_facts(simulation["model_path"], simulation["folder"], attached)
 
 
 @lru_cache(maxsize=8)
 def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...]) -> ModelFacts:
-    """Compile a model for what it has. Raises FieldError if it is missing or malformed."""
+    """Compile a model and return its content. Raises FieldError if it is missing or malformed."""
     try:
         check_variable()
     except RenderingError as error:
@@ -96,7 +96,7 @@ def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...
 
 
 def known_name(field: str, what: str, name: str, known: Sequence[str]) -> None:
-    """Refuse an unknown name of the model. Raises FieldError with the nearest name first."""
+    """Check that the model has a name. Raises FieldError with the nearest name first."""
     if name in known:
         return
     near = get_close_matches(name, known, n=3, cutoff=0.5)

@@ -1,4 +1,4 @@
-"""From ``model_path`` to a compiled model, with messages that a person can act on."""
+"""Loading of ``model_path``, with error messages that give a remedy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from joshua_mujoco_sim.urdf import is_urdf, read_urdf
 
 
 class ModelError(Exception):
-    """A model cannot be found, read or compiled; the message says where, why and what to do."""
+    """A model cannot be found, read or compiled. The message gives place, reason and remedy."""
 
 
 def model_file(model_path: str, folder: Path | None = None) -> Path:
@@ -24,10 +24,10 @@ def model_file(model_path: str, folder: Path | None = None) -> Path:
 
     Args:
         model_path: name of a packaged model, or a path of an MJCF or URDF file.
-        folder: where relative paths start; None takes the current folder.
+        folder: base of relative paths; None means the current folder.
 
     Raises:
-        ModelError: nothing of that name exists; says the nearest packaged models.
+        ModelError: nothing of that name exists; lists the nearest packaged models.
     """
     packaged = find_packaged(model_path)
     if packaged is not None:
@@ -46,11 +46,11 @@ def model_file(model_path: str, folder: Path | None = None) -> Path:
 
 @dataclass(frozen=True)
 class Attachment:
-    """A model that is put into the scene of another one.
+    """A model attached to the scene of another one.
 
     Attributes:
-        model_path: packaged name or path; prefix: goes before its names, with a slash at its end.
-        position_m: of its origin; yaw_rad: its turn about the vertical.
+        model_path: packaged name or path; prefix: of its names, with a trailing slash.
+        position_m: of its origin; yaw_rad: rotation about the vertical.
     """
 
     model_path: str
@@ -62,10 +62,10 @@ class Attachment:
 def load_model(
     model_path: str, folder: Path | None = None, attached: Sequence[Attachment] = ()
 ) -> mujoco.MjModel:
-    """Compile the model that ``model_path`` names, with others put into its scene.
+    """Compile the model that ``model_path`` names, with others attached to its scene.
 
     Raises:
-        ModelError: the file is missing or malformed; says the line where MuJoCo knows it.
+        ModelError: the file is missing or malformed; names the line if MuJoCo reports it.
     """
     path = model_file(model_path, folder)
     try:
@@ -75,7 +75,7 @@ def load_model(
         for attachment in attached:
             _attach(scene, attachment, folder)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the options of the scene hold for all that stands in it
+            warnings.simplefilter("ignore")  # the options of the scene apply to everything in it
             return scene.compile()
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())

@@ -1,4 +1,4 @@
-"""The simulator's own node: keeps the physics running, shows it, and publishes the model's joints."""
+"""The simulator node: runs the physics, shows it, and publishes the model's joints."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ from joshua_mujoco_sim.world import World, leave_world, shared_world
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
-#: How often the state of the simulation is looked at.
+#: Polling period of the simulation state.
 WATCH_PERIOD_S = 0.5
 
-#: How often samples of a recording are placed.
+#: Period of placing samples of a recording.
 REPLAY_PERIOD_S = 1 / 60
 
 
 class SimulatorNode(Simulator):
-    """Runs the physics of a file for as long as the node lives.
+    """Runs the physics of a file while the node exists.
 
     It publishes the joints of all actuators on ``~/joint_states``. INTERACTIVE shows the model in a window
     and follows positions on ``~/joint_commands``; PASSIVE replays a recording and then ends the run; MIRROR
@@ -102,7 +102,7 @@ class SimulatorNode(Simulator):
             self._window = self._window_if_possible(world)
 
     def verb_providers(self) -> tuple[object, ...]:
-        """The node, the controls of its time, and a demonstrator that there is."""
+        """Return the verbs of the node, of the time controls and of the demonstrator, if any."""
         shown = self._world.demonstrator if self._world is not None else None
         return (self, Controls(lambda: self._running()[0]), *filter(None, (shown,)))
 
@@ -114,7 +114,7 @@ class SimulatorNode(Simulator):
             self.context.create_timer(REPLAY_PERIOD_S, self._advance_replay, name="replay")
         else:
             with world.lock:
-                if self._files:  # all devices are there: the same start, whoever was first
+                if self._files:  # all devices have joined: the same start, in any order
                     world.physics.reset(0)
                 for file in self._files:
                     file.begin()
@@ -127,7 +127,7 @@ class SimulatorNode(Simulator):
         self.context.create_timer(WATCH_PERIOD_S, self._watch, name="watch")
 
     def cleanup(self) -> None:
-        """End the physics, unless devices of this process still use it."""
+        """Leave the physics; it ends unless devices of this process still use it."""
         if self._window is not None:
             self._window.close()
         for part in (self._clock, self._commands, self._coupling):
@@ -157,7 +157,7 @@ class SimulatorNode(Simulator):
             leave_world(world)
 
     def test_results(self) -> list[tuple[str, bool, str]]:
-        """Whether the simulation kept its pace and did not diverge."""
+        """Return the test rows: whether the simulation kept its pace and did not diverge."""
         if self._world is None:
             return []
         world, settings = self._running()

@@ -1,4 +1,4 @@
-"""The choice of the OpenGL library, made before MuJoCo is imported: it refuses an unknown ``MUJOCO_GL``."""
+"""Choice of the OpenGL library before MuJoCo is imported, because MuJoCo rejects an unknown ``MUJOCO_GL``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import ctypes
 import os
 import sys
 
-#: How OpenGL is reached without a window on Linux: library and Debian packages, best first.
+#: OpenGL libraries without a window on Linux, with their Debian packages, best first.
 LIBRARIES = {
     "egl": ("libEGL.so.1", "libegl1 libgl1-mesa-dri"),
     "osmesa": ("libOSMesa.so.8", "libosmesa6"),
@@ -18,7 +18,7 @@ _OFF = ("disable", "disabled", "off", "false", "0")
 
 
 class RenderingError(Exception):
-    """No picture can be drawn.
+    """Rendering is not possible.
 
     Args:
         problem: what is wrong; remedy: an imperative.
@@ -30,7 +30,7 @@ class RenderingError(Exception):
 
 
 def check_variable() -> str:
-    """Return what ``MUJOCO_GL`` says: a library, "" for no choice, or ``disabled``. Raises RenderingError."""
+    """Return the value of ``MUJOCO_GL``: a library, "" or ``disabled``. Raises RenderingError."""
     value = os.environ.get("MUJOCO_GL", "").lower().strip()
     if value in _ON:
         return ""
@@ -45,13 +45,13 @@ def check_variable() -> str:
 
 
 def choose_gl() -> str:
-    """Choose how OpenGL is reached; ``MUJOCO_GL`` decides if it is set.
+    """Choose the OpenGL library; ``MUJOCO_GL`` takes precedence.
 
     Returns:
         ``egl`` (a graphics card, or Mesa's software), ``osmesa`` (software), ``glfw`` or ``cgl`` (macOS).
 
     Raises:
-        RenderingError: ``MUJOCO_GL`` forbids it, or no library can draw here.
+        RenderingError: ``MUJOCO_GL`` disables rendering, or no library works here.
     """
     chosen = check_variable()
     if chosen == "disabled":
@@ -82,5 +82,5 @@ def choose_gl() -> str:
 
 
 def has_display() -> bool:
-    """Whether this process knows a display."""
+    """Return whether this process has a display."""
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

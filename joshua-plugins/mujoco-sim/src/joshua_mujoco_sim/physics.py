@@ -1,4 +1,4 @@
-"""One model with its state: stepping, joint groups, and the detection of a simulation that diverges."""
+"""One model with its state: stepping, joint groups, and detection of divergence."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
-#: Speed beyond which a joint counts as diverged: no robot here moves nearly as fast.
+#: Speed above which a joint counts as diverged; no supported robot moves nearly as fast.
 VELOCITY_LIMIT_RAD_S = 1e4
 
 
 def _note(text: str) -> None:
-    """Take MuJoCo's warnings, which it would else write into a file of the current folder."""
+    """Log MuJoCo's warnings, which it would otherwise write to a file in the current folder."""
     logging.getLogger("joshua.mujoco").debug("%s", text)
 
 
@@ -30,7 +30,7 @@ class DivergenceError(Exception):
     """The simulation has diverged.
 
     Attributes:
-        time_s: simulated time; joint: name of the joint that went first.
+        time_s: simulated time; joint: name of the first diverged joint.
     """
 
     def __init__(self, time_s: float, joint: str, what: str) -> None:
@@ -43,12 +43,12 @@ class DivergenceError(Exception):
 
 
 class Physics:
-    """A compiled model and its data. Not locked: one thread at a time.
+    """A compiled model and its data. Not thread-safe.
 
     Args:
         model: the compiled model.
-        keyframe: state to start and reset at; "" takes ``home`` where the model has it, else its default.
-        variation: varies the scene at each start; None leaves it as it is.
+        keyframe: state at start and reset; "" means ``home`` if the model has it, else its default.
+        variation: varies the scene at each start; None leaves it unchanged.
 
     Raises:
         ModelError: the model has no keyframe of that name.
@@ -58,11 +58,11 @@ class Physics:
         self, model: mujoco.MjModel, *, keyframe: str = "", variation: Variation | None = None
     ) -> None:
         self.model = model
-        # MuJoCo would reset a diverged state without a word; the check below speaks up instead.
+        # MuJoCo would silently reset a diverged state; the check below reports it instead.
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         mujoco.set_mju_user_warning(_note)
         self.data = mujoco.MjData(model)
-        #: Force at stall of each drive: its first ``user`` value, else its limit in the model.
+        #: Stall force of each drive: its first ``user`` value, else its limit in the model.
         self.stall_forces: FloatArray = np.abs(model.actuator_forcerange).max(axis=1)
         if model.nuser_actuator:
             named = model.actuator_user[:, 0]
@@ -72,7 +72,7 @@ class Physics:
             raise ModelError(f"the model has no keyframe {keyframe!r}: it has {', '.join(names) or 'none'}")
         wanted = keyframe or "home"
         self._key = names.index(wanted) if wanted in names else -1
-        # models that were attached bring keyframes of their own, under their prefix
+        # attached models have their own keyframes, under their prefix
         self._further_keys = [
             (index, name.removesuffix(wanted))
             for index, name in enumerate(names)
@@ -95,10 +95,10 @@ class Physics:
         return float(self.model.opt.timestep)
 
     def reset(self, start: int | None = None) -> None:
-        """Put the model back to its start, time zero.
+        """Reset the model to its start at time zero.
 
         Args:
-            start: which start of a varied scene, from 0; None takes the next one.
+            start: index of the start in a varied scene; None means the next one.
         """
         if self._key >= 0:
             mujoco.mj_resetDataKeyframe(self.model, self.data, self._key)
@@ -116,27 +116,27 @@ class Physics:
         mujoco.mj_forward(self.model, self.data)
 
     def begin_at(self, group: ActuatorGroup, position: FloatArray) -> None:
-        """From now on every start has these joints there, in place of the keyframe's, shape (N,)."""
+        """Use these joint positions, shape (N,), at every further start instead of the keyframe's."""
         self._begin = (group, np.array(position))
 
     def step(self, count: int = 1) -> None:
-        """Step. Raises DivergenceError."""
+        """Run steps. Raises DivergenceError."""
         mujoco.mj_step(self.model, self.data, count)
         self.check()
 
     def check(self) -> None:
-        """Raise DivergenceError if a speed is not finite or absurd, as it is after any bad state."""
+        """Raise DivergenceError if a speed is not finite or excessive, as after any bad state."""
         speed = self._speed
         np.abs(self.data.qvel, out=speed)
-        if not speed.max(initial=0.0) < VELOCITY_LIMIT_RAD_S:  # also where it is NaN
+        if not speed.max(initial=0.0) < VELOCITY_LIMIT_RAD_S:  # also true for NaN
             raise self._divergence()
 
     def group(self, actuators: Sequence[str]) -> ActuatorGroup:
-        """Actuators by name. Raises ModelError for a name that the model does not have."""
+        """Return a group of actuators by name. Raises ModelError for an unknown name."""
         return ActuatorGroup(self, actuators)
 
     def _take_from_keyframe(self, key: int, prefix: str) -> None:
-        """Put the joints and actuators under a prefix where a keyframe has them."""
+        """Set the joints and actuators under a prefix to a keyframe."""
         model, data = self.model, self.data
         for index in range(model.njnt):
             if model.joint(index).name.startswith(prefix):
@@ -159,12 +159,12 @@ class Physics:
 
 
 class ActuatorGroup:
-    """Some actuators of a model and the joints that they drive, in a given order.
+    """A group of actuators of a model and the joints that they drive, in a given order.
 
     Attributes:
         names: actuators; joints: names of their joints.
         range_min_rad, range_max_rad: limits of the joints, shape (N,); infinite where a joint has none.
-        goes_to_positions, goes_at_speeds: what each drive is told, shape (N,); neither for other drives.
+        goes_to_positions, goes_at_speeds: kind of command of each drive, shape (N,); neither for others.
     """
 
     def __init__(self, physics: Physics, actuators: Sequence[str]) -> None:
@@ -178,7 +178,7 @@ class ActuatorGroup:
                 raise ModelError(
                     f"the model has no actuator {name!r}: {nearest}it has {', '.join(known) or 'none'}"
                 )
-        # Not by name where all are meant: several may have none.
+        # Not by name if all are meant, because several may have none.
         wanted = [known.index(name) for name in actuators] if actuators else range(len(known))
         ids = np.array(wanted, dtype=np.int64)
         joints = model.actuator_trnid[ids, 0].astype(np.int64)
@@ -199,7 +199,7 @@ class ActuatorGroup:
         self.goes_at_speeds: BoolArray = affine & (bias == 0)
         self._qpos: IntArray = model.jnt_qposadr[joints].astype(np.int64)
         self._dof: IntArray = model.jnt_dofadr[joints].astype(np.int64)
-        #: What each actuator is told: a position (radians), a velocity (rad/s) or a torque (N·m).
+        #: Command of each actuator: a position (radians), a velocity (rad/s) or a torque (N·m).
         self.drives = tuple(_drive(model, int(index)) for index in ids)
         limited = model.jnt_limited[joints].astype(bool)
         ranges = model.jnt_range[joints]
@@ -216,7 +216,7 @@ class ActuatorGroup:
 
     @property
     def ranges_rad(self) -> dict[str, tuple[float, float]]:
-        """Lower and upper limit of each joint by its name; infinite where it has none."""
+        """Return lower and upper limit of each joint by name; infinite if it has none."""
         ends = zip(self.range_min_rad.tolist(), self.range_max_rad.tolist(), strict=True)
         return dict(zip(self.joints, ends, strict=True))
 
@@ -233,7 +233,7 @@ class ActuatorGroup:
 
     @property
     def degrees_of_freedom(self) -> IntArray:
-        """Places of the joints among the model's degrees of freedom, shape (N,)."""
+        """Indices of the joints among the model's degrees of freedom, shape (N,)."""
         return self._dof
 
     @property
@@ -248,23 +248,23 @@ class ActuatorGroup:
 
     @property
     def command(self) -> FloatArray:
-        """What the actuators are told, shape (N,), a copy."""
+        """Commands of the actuators, shape (N,), a copy."""
         return np.asarray(self._data.ctrl[self._ctrl])
 
     @property
     def free_command(self) -> FloatArray:
-        """Commands with which the drives apply no force until the next step, shape (N,)."""
+        """Commands for which the drives apply no force until the next step, shape (N,)."""
         model, ids = self._model, self._ctrl
         offset, per_rad, per_rad_s = model.actuator_biasprm[ids, :3].T
         force = offset + per_rad * self.position_rad + per_rad_s * self.velocity_rad_s
         return np.asarray(-force / model.actuator_gainprm[ids, 0])
 
     def set_command(self, values: FloatArray) -> None:
-        """Tell the actuators where to go, shape (N,); limits of the model hold."""
+        """Command the actuators, shape (N,); the limits of the model apply."""
         self._data.ctrl[self._ctrl] = values
 
     def set_position(self, values: FloatArray) -> None:
-        """Put the joints somewhere, at rest, shape (N,); the caller runs ``mj_forward`` when all is set."""
+        """Set the joint positions at rest, shape (N,). Call ``mj_forward`` when all is set."""
         self._data.qpos[self._qpos] = values
         self._data.qvel[self._dof] = 0.0
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from joshua.api import ActuatorSpec, PluginSpec, SensorSpec, SimulatorSpec, hookimpl
 from joshua.api.specs import Environment, EnvironmentSpec
 
-#: As data: naming them imports neither Gymnasium nor MuJoCo.
+#: Declared as data, so listing them imports neither Gymnasium nor MuJoCo.
 ENVIRONMENTS = (
     Environment(
         "joshua/SoArm100Reach-v0", ("reach", "reach_sparse"), "the gripper moves to a goal before the arm"

@@ -1,4 +1,4 @@
-"""Pictures in files, drawn at exact simulated times, so that the same run gives the same files."""
+"""Pictures in files, rendered at exact simulated times, so a repeated run gives the same files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from joshua_mujoco_sim.world import World
 
 
 class PictureWriter(ABC):
-    """Takes pictures of one camera, in order."""
+    """Writes the pictures of one camera, in order."""
 
     @abstractmethod
     def write(self, picture: Picture) -> None:
@@ -30,7 +30,7 @@ class PictureWriter(ABC):
 
 
 class PngWriter(PictureWriter):
-    """One PNG file for each picture, numbered from 0."""
+    """Writes one PNG file per picture, numbered from 0."""
 
     def __init__(self, pattern: Path) -> None:
         self._pattern = pattern
@@ -44,7 +44,7 @@ class PngWriter(PictureWriter):
 
 
 class VideoWriter(PictureWriter):
-    """H.264 in an MP4 file, which every player shows.
+    """Writes H.264 in an MP4 file, which every player supports.
 
     Raises:
         RenderingError: the library for videos is not installed; OSError: the file cannot be written.
@@ -64,10 +64,10 @@ class VideoWriter(PictureWriter):
         self._stream: Any = self._container.add_stream("libx264", rate=fps)
         self._stream.width, self._stream.height = width - width % 2, height - height % 2
         self._stream.pix_fmt = "yuv420p"
-        # one thread, so that the same pictures give the same bytes
+        # one thread, so the output is reproducible
         self._stream.options = {"preset": "veryfast", "crf": "20", "threads": "1"}
         try:
-            # Now, because PyAV crashes when it continues after a header that the disk has refused.
+            # Write the header now, because PyAV crashes if it continues after a failed header write.
             self._container.start_encoding()
         except self._fault as error:
             raise OSError(f"{path}: {error}") from error
@@ -78,7 +78,7 @@ class VideoWriter(PictureWriter):
         self._encode(self._frame.from_ndarray(even, format="rgb24"))
 
     def close(self) -> None:
-        """Write what is left, and the index."""
+        """Write the remaining data and the index."""
         try:
             self._encode(None)
         finally:
@@ -99,10 +99,10 @@ class VideoWriter(PictureWriter):
 
 
 class RenderFile:
-    """Draws one camera into a file. The physics waits for each picture, so that none is late or left out.
+    """Renders one camera to a file. The physics waits for each picture, so none is late or missing.
 
     Args:
-        world: what is drawn; render: camera, size, rate and file.
+        world: to render; render: camera, size, rate and file.
 
     Raises:
         RenderingError: a library is missing; OSError: the folder cannot be made.
@@ -129,11 +129,11 @@ class RenderFile:
 
     @property
     def output(self) -> str:
-        """The file, or the pattern of its names."""
+        """The file, or the pattern of the file names."""
         return self._render.output
 
     def begin(self) -> None:
-        """Draw from now on; after ``open``."""
+        """Start rendering, after ``open``."""
         self._unhook = self._world.before_step(self._look)
 
     def close(self) -> None:
@@ -147,7 +147,7 @@ class RenderFile:
             self.error = self.error or f"{self._render.output}: {error}"
 
     def open(self) -> None:
-        """Make the renderer; on the thread of the physics, to which OpenGL binds it."""
+        """Create the renderer on the physics thread, because OpenGL binds it to that thread."""
         size = self._render
         try:
             self._renderer = CameraRenderer(

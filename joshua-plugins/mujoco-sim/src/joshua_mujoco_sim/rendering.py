@@ -1,4 +1,4 @@
-"""Offscreen pictures of a model: one renderer for each camera."""
+"""Offscreen rendering of a model, with one renderer per camera."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from joshua_mujoco_sim.opengl import LIBRARIES, RenderingError, choose_gl
 
 Picture = npt.NDArray[np.uint8]
 
-#: Shapes that one picture may show.
+#: Largest number of shapes in one picture.
 MAX_GEOMS = 10_000
 
-#: One renderer is made at a time: each makes sure that the model's buffer is large enough for it.
+#: Only one renderer is created at a time, because each may enlarge the model's buffer.
 _making = threading.Lock()
 
 
 def _open_context(width: int, height: int) -> Any:
-    """Make an OpenGL context and make it the thread's own. Raises RenderingError."""
+    """Create an OpenGL context and make it current in this thread. Raises RenderingError."""
     name = choose_gl()
     try:
         if name == "egl":
@@ -34,9 +34,9 @@ def _open_context(width: int, height: int) -> Any:
             from mujoco.glfw import GLContext
         context = GLContext(width, height)
         context.make_current()
-        if getattr(context, "_context", context) is None:  # GLFW warns and goes on
+        if getattr(context, "_context", context) is None:  # GLFW only warns
             raise RenderingError("no window could be opened", "")
-    except Exception as error:  # each OpenGL binding raises classes of its own
+    except Exception as error:  # each OpenGL binding raises its own exceptions
         raise _unusable(name, error) from error
     return context
 
@@ -51,12 +51,12 @@ def _unusable(name: str, error: Exception) -> RenderingError:
 
 
 class CameraRenderer:
-    """Pictures of one camera. Used by one thread only, since an OpenGL context belongs to its thread.
+    """Renderer of one camera. Use it from one thread only, because an OpenGL context belongs to its thread.
 
     Args:
         model: the compiled model.
         camera: name of its camera; width, height: of the picture in pixels.
-        shadows: draw them; they take two thirds of the time of a small picture.
+        shadows: render them; they take two thirds of the time of a small picture.
 
     Raises:
         RenderingError: OpenGL is not usable.
@@ -92,7 +92,7 @@ class CameraRenderer:
         return height, width, colours
 
     def look(self, data: mujoco.MjData) -> None:
-        """Take in the state of the model; short, so that it can be done while the physics waits."""
+        """Copy the state of the model; fast enough to run while the physics waits."""
         mujoco.mjv_updateScene(
             self._model,
             data,
@@ -104,11 +104,11 @@ class CameraRenderer:
         )
 
     def draw(self) -> Picture:
-        """Draw what ``look`` took in: a new picture of shape (H, W, 3), RGB."""
+        """Render the state from ``look``: a new picture of shape (H, W, 3), RGB."""
         self._gl.make_current()
         mujoco.mjr_render(self._area, self._scene, self._context)
         mujoco.mjr_readPixels(self._pixels, None, self._area, self._context)
-        return np.ascontiguousarray(self._pixels[::-1])  # OpenGL counts rows from below
+        return np.ascontiguousarray(self._pixels[::-1])  # OpenGL counts rows from the bottom
 
     def close(self) -> None:
         """Free the OpenGL context. Idempotent."""

@@ -1,4 +1,4 @@
-"""PASSIVE: a recording moves the model, and what it breaks on the way is reported."""
+"""PASSIVE: a recording moves the model; exceeded limits and collisions are reported."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ import numpy as np
 from joshua_mujoco_sim.physics import ActuatorGroup, Physics
 from joshua_mujoco_sim.trajectories.trajectory import FloatArray, Trajectory
 
-#: How far beyond a limit a joint may be: recordings are rounded.
+#: Tolerance of joint limits, because recordings are rounded.
 LIMIT_TOLERANCE_RAD = 0.005
 
-#: How deep two bodies may be in each other: they touch before they collide.
+#: Penetration depth up to which a contact is not a collision.
 DEPTH_TOLERANCE_M = 0.001
 
 
 @dataclass(frozen=True)
 class Breach:
-    """One thing that a recording does and the robot could not do.
+    """A motion of a recording that the robot could not execute.
 
     Attributes:
-        time_s: in the recording, when it begins; text: what happens.
+        time_s: start, in the recording; text: description.
     """
 
     time_s: float
@@ -31,19 +31,19 @@ class Breach:
 
 
 class Replay:
-    """Places the model where recordings say, sample by sample, and checks every one.
+    """Moves the model to each sample of the recordings, and checks it.
 
     Args:
-        physics: the model; only the replay moves it.
-        trajectories: one after the other.
+        physics: the model, moved only by the replay.
+        trajectories: played in order.
         speed: how many times faster than recorded; 0 for as fast as possible.
 
     Raises:
         TrajectoryError: a recording does not fit the model.
 
     Attributes:
-        breaches: limits and collisions, each at its beginning.
-        samples: how many samples were placed.
+        breaches: exceeded limits and collisions, each at its start.
+        samples: number of placed samples.
     """
 
     def __init__(self, physics: Physics, trajectories: Sequence[Trajectory], speed: float) -> None:
@@ -65,7 +65,7 @@ class Replay:
 
     @property
     def group(self) -> ActuatorGroup:
-        """The driven joints."""
+        """Driven joints."""
         return self._group
 
     def advance(self, elapsed_s: float, *, most: int = 2000) -> None:
@@ -73,7 +73,7 @@ class Replay:
 
         Args:
             elapsed_s: wall time since the last call.
-            most: samples placed in one call, which bounds its length.
+            most: largest number of samples in one call, which bounds its duration.
         """
         self._clock_s += elapsed_s * self._speed
         for _ in range(most):
@@ -90,7 +90,7 @@ class Replay:
                 self._clock_s = 0.0
 
     def report(self) -> str:
-        """What was replayed and what was wrong with it, in one sentence."""
+        """Return the result of the replay in one sentence."""
         limits = sum(breach.text.startswith("limit") for breach in self.breaches)
         collisions = len(self.breaches) - limits
         text = f"replayed {self.samples} samples of {len(self._parts)} recording(s)"
@@ -140,7 +140,7 @@ class Replay:
         return found
 
     def _name(self, geom: int) -> str:
-        """The body of a shape; shapes of the fixed world go by their own name."""
+        """Return the body name of a shape; shapes of the fixed world have their own name."""
         model = self._physics.model
         body = int(model.geom_bodyid[geom])
         return str(model.body(body).name if body else model.geom(geom).name or "the world")

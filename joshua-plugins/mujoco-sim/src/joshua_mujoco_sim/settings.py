@@ -1,7 +1,7 @@
 """Settings of the simulation and of the devices that are part of it, in SI units.
 
-Unlike other settings modules this one compiles the model, because only the model knows its joints, actuators
-and cameras: a file with a simulation is checked as a whole before anything starts.
+Unlike other settings modules, this one compiles the model, because only the model knows its joints, actuators
+and cameras. A file with a simulation is therefore checked completely before the start.
 """
 
 from __future__ import annotations
@@ -64,21 +64,21 @@ class SimulationSettings(BlockSettings):
     """Settings of the simulation.
 
     Attributes:
-        mode: how the simulation is run and shown.
-        model_path: packaged name or path; folder: where relative paths start.
+        mode: of running and showing the simulation.
+        model_path: packaged name or path; folder: base of relative paths.
         mirror_topic_mappings: which topic drives which actuator.
-        real_time_factor: simulated time per wall time; 0 for as fast as possible.
-        keyframe: where it starts; "" for ``home``.
-        on_divergence: what happens when it diverges.
+        real_time_factor: simulated time per wall time; 0 means as fast as possible.
+        keyframe: initial state; "" for ``home``.
+        on_divergence: reaction to a divergence.
         joint_state_rate_hz: of ``~/joint_states``.
-        attached: further models in the scene; renders: pictures that go into files.
+        attached: additional models in the scene; renders: pictures to write to files.
         trajectory_path: recording that PASSIVE replays, absolute; episodes: of a data set, () for all.
-        trajectory_unit: of its positions, "" for what it states itself; shadows: cameras draw them.
-        replay_speed: how many times faster than recorded; 0 for as fast as possible.
-        seed: of the variation of the scene, None for none; variation: how far.
-        generate: episodes that go into a data set.
-        examining: the file is being checked, so that recordings are looked into; launching: for a launch, so
-            that pictures must be possible here. Both are not part of the plan.
+        trajectory_unit: of its positions, "" for the unit it states; shadows: cameras render them.
+        replay_speed: factor on the recorded speed; 0 means as fast as possible.
+        seed: of the scene variation, None for none; variation: its extent.
+        generate: episodes to write to a data set.
+        examining: the file is being checked, so recordings are inspected; launching: the run starts, so
+            rendering must be possible here. Neither is part of the plan.
     """
 
     mode: Literal["INTERACTIVE", "PASSIVE", "MIRROR", "OFFSCREEN"]
@@ -106,7 +106,7 @@ class SimulationSettings(BlockSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Add the folder of the configuration, and the data set that is replayed or made."""
+        """Add the folder of the configuration, and the data set that is replayed or generated."""
         result = super().si_values(values, node, context)
         result |= {"folder": context.folder, "examining": True}
         result["launching"] = context.launch
@@ -122,7 +122,7 @@ class SimulationSettings(BlockSettings):
         if result.get("seed") is not None and result.get("variation") is None:
             result["variation"] = variation_defaults()
         if path:
-            # an unknown user stays as written
+            # an unknown user stays unexpanded
             result["trajectory_path"] = str(folder / os.path.expanduser(path))  # noqa: PTH111
         elif result["mode"] == "PASSIVE":
             result |= {"trajectory_path": stored.path, "episodes": stored.episodes}
@@ -201,7 +201,7 @@ class SimulationSettings(BlockSettings):
             )
 
     def world(self) -> WorldSettings:
-        """What the physics of this simulation needs; equal for every node of the file."""
+        """Return the settings of the physics, equal for every node of the file."""
         from joshua_mujoco_sim.world import WorldSettings
 
         return WorldSettings(
@@ -220,11 +220,11 @@ class SimActuatorSettings(ActuatorSettings):
     """Settings of actuators of the model.
 
     Attributes:
-        actuators: names, in joint order; never empty.
-        joint_ranges: name and limits of the joint of each in the model.
+        actuators: names in joint order; never empty.
+        joint_ranges: name and limits of each actuator's joint in the model.
         calibration: None if the joints count from the model's zero.
-        motion, motion_amplitude_rad, motion_frequency_hz, motion_file: motion without torque.
-        demonstrate: id of the task whose scripted demonstrator this is, "" for none; noise_rad: of its goals.
+        motion, motion_amplitude_rad, motion_frequency_hz, motion_file: motion with torque off.
+        demonstrate: id of the demonstrator's task, "" for none; noise_rad: of its goals.
     """
 
     actuators: tuple[str, ...]
@@ -244,7 +244,7 @@ class SimActuatorSettings(ActuatorSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Take all actuators where none is named, and add their joints and their calibration."""
+        """Default to all actuators; add their joints and calibration."""
         result = super().si_values(values, node, context)
         if context.calibration is not None:
             result["calibration"] = ArmCalibration.values_of(context.calibration)
@@ -321,11 +321,11 @@ class SimActuatorSettings(ActuatorSettings):
         return self
 
     def frames(self) -> list[Frame]:
-        """The joints about their zeros, known without a connection."""
+        """Joints about their zeros, known without a connection."""
         return frames(self.joint_ranges, self.calibration)
 
     def joints(self) -> tuple[JointRange, ...]:
-        """The joints, known without a connection."""
+        """Joints, known without a connection."""
         return tuple(JointRange(frame.name, frame.min_rad, frame.max_rad) for frame in self.frames())
 
 
@@ -343,7 +343,7 @@ class SimCameraSettings(BlockSettings):
     def si_values(
         cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
     ) -> dict[str, Any]:
-        """Add the cameras that the model has."""
+        """Add the cameras of the model."""
         result = super().si_values(values, node, context)
         if simulation := context.simulation:
             result["cameras"] = facts_of(simulation).cameras

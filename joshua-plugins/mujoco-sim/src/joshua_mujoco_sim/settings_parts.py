@@ -1,4 +1,4 @@
-"""Parts of the settings of a simulation: what follows topics, goes into files, and varies with a seed."""
+"""Parts of the simulation settings: topic mappings, files, and variation by seed."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class TopicMapping(BaseModel):
 
 
 class Render(BaseModel):
-    """Pictures of one camera that go into files; ``output`` is absolute."""
+    """Pictures of one camera to write to files; ``output`` is absolute."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -45,10 +45,11 @@ class Render(BaseModel):
 
 
 class DatasetSettings(BaseModel):
-    """Episodes that OFFSCREEN writes into a data set.
+    """Episodes that OFFSCREEN writes to a data set.
 
     Attributes:
-        count: episodes; duration_s: of each, None for that of its recording; fps: frames per second.
+        count: number of episodes; duration_s: of each, None for that of its recording; fps: frames per
+            second.
         cameras, width, height: pictures of each frame.
         folder: of the data set, absolute; task, robot_type: what it shows.
         writer: import string of the ``EpisodeWriter``.
@@ -69,7 +70,7 @@ class DatasetSettings(BaseModel):
 
 
 class VariationSettings(BaseModel):
-    """How far the seed varies the scene, see ``Variation``."""
+    """Extent of the scene variation, see ``Variation``."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -81,7 +82,7 @@ class VariationSettings(BaseModel):
 
 
 def check_picture_keys(cameras: Sequence[str]) -> None:
-    """Refuse cameras whose pictures would go into one file. Raises FieldError."""
+    """Check that no two cameras write to the same file. Raises FieldError."""
     keys = [camera_key(camera) for camera in cameras]
     for index, (camera, key) in enumerate(zip(cameras, keys, strict=True)):
         other = cameras[keys.index(key)]
@@ -95,7 +96,7 @@ def check_picture_keys(cameras: Sequence[str]) -> None:
 
 
 def check_frames(field: str, fps: int, timestep_s: float) -> None:
-    """Refuse more frames than the physics has states, whose times would be wrong. Raises FieldError."""
+    """Check that the frame rate does not exceed the step rate. Raises FieldError."""
     most = int(1 / timestep_s + 1e-6)
     if fps > most:
         raise FieldError(
@@ -107,7 +108,7 @@ def check_frames(field: str, fps: int, timestep_s: float) -> None:
 
 
 def check_outputs(outputs: Sequence[str]) -> None:
-    """Refuse two cameras that are written into one file. Raises FieldError."""
+    """Check that no two renders write to the same file. Raises FieldError."""
     for index, output in enumerate(outputs):
         if output in outputs[:index]:
             raise FieldError(
@@ -118,7 +119,7 @@ def check_outputs(outputs: Sequence[str]) -> None:
 
 
 def check_output(index: int, output: str) -> None:
-    """Refuse a file name that no writer takes. Raises FieldError."""
+    """Check that a writer supports the file name. Raises FieldError."""
     field, path = f"renders[{index}].output", Path(output)
     if path.suffix == ".png":
         try:
@@ -142,7 +143,7 @@ def check_output(index: int, output: str) -> None:
 
 
 def require_pictures(field: str) -> None:
-    """Refuse a launch that draws on a machine where OpenGL cannot. Raises FieldError."""
+    """Check that OpenGL works on this machine if the run renders. Raises FieldError."""
     try:
         choose_gl()
     except RenderingError as error:
@@ -150,9 +151,10 @@ def require_pictures(field: str) -> None:
 
 
 def check_recording(path: str, episodes: Sequence[int], unit: str, facts: ModelFacts) -> None:
-    """Refuse a recording that cannot be read or does not fit the model.
+    """Check that a recording can be read and fits the model.
 
-    One that is not there yet, is large, or needs an extra is left to the launch. Raises FieldError.
+    A recording that is missing, large, or needs an extra is checked at the start of the run. Raises
+    FieldError.
     """
     from joshua_mujoco_sim.trajectories.reading import read_trajectories, size_bytes
     from joshua_mujoco_sim.trajectories.trajectory import MissingExtraError, TrajectoryError
@@ -173,14 +175,14 @@ def check_recording(path: str, episodes: Sequence[int], unit: str, facts: ModelF
 
 
 def variation_defaults() -> dict[str, float]:
-    """How far a seed varies a scene where the file does not say."""
+    """Return the default extent of the variation."""
     from joshua.api.schema import default_values, simulation_pb2
 
     return default_values(simulation_pb2.SceneVariation.DESCRIPTOR)
 
 
 def variation(seed: int | None, amounts: Mapping[str, float]) -> Variation | None:
-    """The variation of a scene; None without a seed."""
+    """Return the variation of a scene; None without a seed."""
     from joshua_mujoco_sim.variation import Variation
 
     return None if seed is None else Variation(seed=seed, **amounts)

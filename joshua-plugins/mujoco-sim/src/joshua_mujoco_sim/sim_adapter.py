@@ -1,7 +1,7 @@
-"""``--sim``: assigns actuators and cameras of the model to devices of a file.
+"""``--sim``: assign actuators and cameras of the model to the devices of a file.
 
-The first arm that somebody commands becomes the arm of the scene. Each further arm is an SO-ARM100 of its own
-beside it; a leader moves by itself, since nobody can take it by the hand.
+The first arm that has a commander becomes the arm of the scene. Each further arm is a separate SO-ARM100
+beside it. A leader moves by itself because no user can move it.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from joshua_mujoco_sim.summary import actuated_joints, summarise
 SCENE = "so_arm100/scene.xml"
 ARM = "so_arm100/so_arm100.xml"
 
-#: Places of further arms: beside the first one, a table's width apart, in turn to both sides.
+#: Positions of further arms: beside the first one, a table's width apart, on alternating sides.
 ARM_SPACING_M = 0.45
 
 
 def simulate(config: Any, devices: Sequence[RealDevice], emulated: bool) -> dict[str, Coupling]:
-    """Replace real devices by simulated ones.
+    """Replace real devices with simulated ones.
 
     Args:
-        config: the file, which is changed; devices: those to stand for.
+        config: the file, modified in place; devices: to replace.
         emulated: devices are emulated. The physics moves the joints of every arm but the leaders, which a
             hand moves, and draws what the cameras see.
 
@@ -50,7 +50,7 @@ def simulate(config: Any, devices: Sequence[RealDevice], emulated: bool) -> dict
         arms = [device for device in arms if device.role != "ACTION_LEADER"]
     chosen_by_arm = {}
     free = _facts(config.simulation)["actuators"]
-    # followers first, so that the arm in the middle of the scene is one that does something
+    # followers first, so the arm in the middle of the scene is an active one
     for device in sorted(arms, key=lambda arm: arm.role == "ACTION_LEADER"):
         prefix = ""
         if len(free) < len(device.joints):
@@ -79,7 +79,7 @@ def simulate(config: Any, devices: Sequence[RealDevice], emulated: bool) -> dict
 
 
 def _start_rad(simulation: Any, actuators: Sequence[str]) -> tuple[float, ...]:
-    """Where the joints are at first, about the middle of their ranges."""
+    """Return the initial joint positions about the middle of their ranges."""
     seed = simulation.seed if simulation.HasField("seed") else None
     amounts = block_values(simulation.variation) if simulation.HasField("variation") else variation_defaults()
     physics = Physics(_model(simulation), keyframe=simulation.keyframe, variation=variation(seed, amounts))
@@ -124,7 +124,7 @@ def _replace_arm(device: RealDevice, actuators: Sequence[str]) -> None:
     action = device.owner
     action.ClearField(device.block_name)
     further = [topic for topic in action.node.publishers if topic.data_type != types.JOINT_STATE]
-    for topic in further:  # such as a hub's battery, which a model does not have
+    for topic in further:  # such as a hub's battery, which no model has
         action.node.publishers.remove(topic)
     action.sim_config.actuators.extend(actuators)
     if device.role == "ACTION_LEADER":
@@ -134,7 +134,7 @@ def _replace_arm(device: RealDevice, actuators: Sequence[str]) -> None:
 
 
 def _camera(device: RealDevice, cameras: Sequence[str]) -> str:
-    """The camera of the model whose name is a word of the node's, else the first."""
+    """Return the camera of the model whose name is a word of the node's name, else the first."""
     if not cameras:
         raise SimAdapterError(
             f"{device.node_name}: the model has no camera: name another in simulation.model_path, "

@@ -1,4 +1,4 @@
-"""The content of a model, as plain values for people and JSON."""
+"""Content of a model as plain values, for text and JSON."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def summarise(model: mujoco.MjModel) -> dict[str, Any]:
 
 
 def actuated_joints(model: mujoco.MjModel) -> dict[str, tuple[str, float, float]]:
-    """Joint and its limits in radians by actuator; without limits one turn to both sides."""
+    """Return joint and limits in radians by actuator; without limits, one turn to both sides."""
     found = {}
     for index in range(model.nu):
         if model.actuator_trntype[index] != mujoco.mjtTrn.mjTRN_JOINT:
@@ -47,18 +47,18 @@ def actuated_joints(model: mujoco.MjModel) -> dict[str, tuple[str, float, float]
 
 
 def torque_driven(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Actuators that take a torque, such as ``<motor>``, and no position or speed."""
+    """Return the actuators that accept only a torque, such as ``<motor>``."""
     affine = model.actuator_biastype == mujoco.mjtBias.mjBIAS_AFFINE
     takes_goals = affine & (model.actuator_biasprm[:, 1] <= 0)
     return tuple(model.actuator(index).name for index in range(model.nu) if not takes_goals[index])
 
 
-#: Ranges of joints whose zero and ends a person can find by hand: not less, and not beyond a whole turn.
+#: Smallest and largest range of joints that can be calibrated by hand.
 SMALLEST_RANGE_RAD, LARGEST_RANGE_RAD = math.radians(20), math.tau + 1e-3
 
 
 def turned_by_hand(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Actuators of joints that turn between two stops, which can be calibrated."""
+    """Return the actuators of joints between two stops, which can be calibrated."""
     found = []
     for index in range(model.nu):
         joint = int(model.actuator_trnid[index, 0])

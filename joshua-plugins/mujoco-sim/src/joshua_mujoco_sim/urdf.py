@@ -1,4 +1,4 @@
-"""What a URDF file does not say and a simulation needs: drives for its joints, a camera, a light, a sky."""
+"""URDF import that adds what a simulation needs: joint drives, a camera, a light and a sky."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-#: Camera that sees the whole model, where the file has none.
+#: Camera with a view of the whole model.
 OVERVIEW = "overview"
 
-#: How stiff a drive is where the file names no effort: natural frequency of the joint under it.
+#: Stiffness of a drive without an effort limit, as natural frequency of the joint.
 FREQUENCY_RAD_S = 30.0
 
-#: Softest drive that still is one, and the stiffest that the time step bears.
+#: Smallest useful stiffness, and the largest that is stable at the time step.
 FREQUENCIES_RAD_S = (5.0, 100.0)
 
-#: Where the file names an effort, the drive gives all of it at this distance from its goal.
+#: With an effort limit, the drive reaches it at this distance from its goal.
 FULL_EFFORT_RAD = 0.1
 
 _DRIVEN = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 def is_urdf(path: Path) -> bool:
-    """Whether a file is a URDF description: its first element is a robot. Raises OSError."""
+    """Return whether a file is a URDF description, that is, its root is a robot. Raises OSError."""
     with path.open("rb") as file:
         head = file.read(65536)
     robot, mujoco_element = head.find(b"<robot"), head.find(b"<mujoco")
@@ -40,7 +40,7 @@ def read_urdf(path: Path) -> mujoco.MjSpec:
         ValueError: MuJoCo cannot compile it.
     """
     spec = mujoco.MjSpec.from_file(str(path))
-    spec.compiler.discardvisual = False  # which would take the sky away, too
+    spec.compiler.discardvisual = False  # which would also remove the sky
     model = spec.compile()
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     if not spec.actuators:
@@ -86,7 +86,7 @@ def _add_drives(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
 
 
 def _inertia(model: mujoco.MjModel, data: mujoco.MjData, dof: int) -> float:
-    """What a joint has to move, kg·m² or kg, as the model stands."""
+    """Return the inertia at a joint in the model's pose, kg·m² or kg."""
     unit, product = np.zeros(model.nv), np.zeros(model.nv)
     unit[dof] = 1.0
     mujoco.mj_mulM(model, data, product, unit)
@@ -94,7 +94,7 @@ def _inertia(model: mujoco.MjModel, data: mujoco.MjData, dof: int) -> float:
 
 
 def _exclude_neighbours(spec: mujoco.MjSpec) -> None:
-    """A link touches what it turns on by design; MuJoCo takes that into account for moving parents only."""
+    """Exclude contacts between a link and its parent; MuJoCo does so for moving parents only."""
     for body in spec.bodies:
         if body.joints and body.parent is not None:
             spec.add_exclude(bodyname1=body.parent.name, bodyname2=body.name)
@@ -113,7 +113,7 @@ def _add_sky(spec: mujoco.MjSpec) -> None:
 
 
 def _add_camera(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
-    """Look from the front, a little from above and aside, at the middle of the model."""
+    """Aim the camera at the centre of the model, from the front, slightly above and to the side."""
     back = np.array([1.0, -1.0, 0.7])
     back /= np.linalg.norm(back)
     right = np.cross([0.0, 0.0, 1.0], back)

@@ -1,4 +1,4 @@
-"""How a seed varies a scene: joints, free things, lights and cameras, again at each start."""
+"""Variation of a scene by seed at each start: joints, free objects, lights and cameras."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Variation:
-    """Largest changes of a scene; each is drawn uniformly.
+    """Largest changes of a scene, drawn uniformly.
 
     Attributes:
-        seed: the same seed gives the same scenes, start by start.
-        joint_rad: of joints with a position drive; object_m: along x and y of what stands freely.
-        light: of the brightness of each light, and of its place by this part of its height.
+        seed: the same seed gives the same sequence of scenes.
+        joint_rad: of joints with a position drive; object_m: of free objects, along x and y.
+        light: of the brightness of each light, and of its position relative to its height.
         camera_m, camera_rad: of each camera, along and about each axis.
     """
 
@@ -34,8 +34,8 @@ class Varier:
     """Varies one model and its state.
 
     Args:
-        model: as it was compiled, which is what every variation starts from.
-        variation: how far.
+        model: as compiled; every variation starts from it.
+        variation: largest changes.
     """
 
     def __init__(self, model: mujoco.MjModel, variation: Variation) -> None:
@@ -50,12 +50,12 @@ class Varier:
         self._free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
 
     def apply(self, data: mujoco.MjData, start: int) -> None:
-        """Vary a state that was just reset; the caller runs ``mj_forward``.
+        """Vary a state after a reset. The caller runs ``mj_forward``.
 
         Args:
-            data: of the model; start: which one it is, from 0.
+            data: of the model; start: its index, from 0.
         """
-        # every draw is made, whatever its size, so that one size changes only what it is for
+        # every value is drawn, even with size 0, so one setting does not affect the others
         chance = np.random.default_rng((self._variation.seed, start))
         self._joints(data, chance)
         self._objects(data, chance)
@@ -89,7 +89,7 @@ class Varier:
         model.light_diffuse[:] = np.clip(self._light_diffuse * factor, 0.0, 1.0)
         sideways = part * chance.uniform(-1, 1, (count, 2)) * self._light_pos[:, 2:]
         model.light_pos[:, :2] = self._light_pos[:, :2] + sideways
-        for light in range(count):  # it still shines on the same place, and so do its shadows
+        for light in range(count):  # keep it aimed at the same point
             down = -self._light_dir[light, 2]
             if down > 0:
                 aim = self._light_pos[light] + self._light_dir[light] * self._light_pos[light, 2] / down

@@ -1,4 +1,4 @@
-"""The MuJoCo viewer: a window in which a person looks at the model and pulls at its bodies."""
+"""The MuJoCo viewer: a window that shows the model and lets the user pull its bodies."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Any
 
 from joshua_mujoco_sim.world import World
 
-#: Pictures per second that are asked of the window.
+#: Refresh rate of the window.
 SHOW_RATE_HZ = 60.0
 
-#: How long a window may take to open.
+#: Longest time to open a window.
 OPEN_TIMEOUT_S = 10.0
 
 _REMEDY = (
@@ -24,11 +24,11 @@ _REMEDY = (
 
 
 class WindowError(Exception):
-    """No window can be opened. The message says why and what to do."""
+    """No window can be opened. The message gives reason and remedy."""
 
 
 def check_display() -> None:
-    """Look for a screen without opening a window. Raises WindowError."""
+    """Check for a screen without opening a window. Raises WindowError."""
     if sys.platform == "darwin":
         raise WindowError(
             "on macOS the viewer needs the main thread of mjpython, which no child process has: "
@@ -54,10 +54,10 @@ def check_display() -> None:
 class Window:
     """The viewer on a world's model.
 
-    Bodies can be pulled by Ctrl and the mouse; what is pulled moves by physics.
+    Ctrl and the mouse pull bodies, which move by physics.
 
     Args:
-        world: what is shown.
+        world: to show.
 
     Raises:
         WindowError: there is no screen.
@@ -81,11 +81,11 @@ class Window:
 
     @property
     def is_open(self) -> bool:
-        """Whether the person has left the window open."""
+        """Whether the window is still open."""
         return bool(self._handle.is_running())
 
     def show(self) -> None:
-        """Show the present state, and take in what the person pulls at."""
+        """Show the present state and read the user's forces on bodies."""
         now_s = time.monotonic()
         if now_s - self._texts_s > 0.5:
             self._texts_s = now_s
@@ -95,7 +95,7 @@ class Window:
 
     def close(self) -> None:
         """Close the window. Idempotent."""
-        with contextlib.suppress(RuntimeError):  # the person was faster
+        with contextlib.suppress(RuntimeError):  # the user has already closed it
             self._handle.close()
 
     def _say(self) -> None:

@@ -1,7 +1,7 @@
-"""One physics process's world: a thread that steps it, and hooks for what moves in and looks at it.
+"""The world of a physics process: a stepping thread, and hooks for devices.
 
-Simulated actuators and cameras of one file live in one process (``process_group``) and share the world that
-``shared_world`` hands out; the last one that leaves it ends it.
+The simulated actuators and cameras of one file run in one process (``process_group``) and share the world
+returned by ``shared_world``. The last device to leave ends it.
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ from joshua_mujoco_sim.model_file import Attachment, load_model
 from joshua_mujoco_sim.physics import DivergenceError, Physics
 from joshua_mujoco_sim.variation import Variation
 
-#: Shortest sleep of the stepping thread: bounds the delay between a command and its effect.
+#: Shortest sleep of the stepping thread.
 TICK_S = 0.001
 
-#: Longest lag that is caught up; beyond it the clock is set again, so that a stall causes no burst.
+#: Longest lag that is caught up; beyond it the clock is reset, so a stall causes no burst.
 LARGEST_LAG_S = 0.1
 
-#: A model that cannot be simulated diverges after each reset, thousands of times.
+#: A model that cannot be simulated diverges again after each reset, thousands of times.
 DIVERGENCES_KEPT = 100
 
 Hook = Callable[[Physics], None]
 
 
 class Pacer:
-    """Tells how many steps are due so that simulated time runs ``factor`` times as fast as the clock.
+    """Computes the due steps so that simulated time runs ``factor`` times as fast as the clock.
 
     Args:
         timestep_s: simulated time of one step.
-        factor: 1 for real time; 0 for as fast as possible.
+        factor: 1 means real time; 0 means as fast as possible.
         clock: seconds, monotonic.
 
     Attributes:
-        dropped_s: simulated time that was given up because the machine could not keep up.
+        dropped_s: simulated time that was skipped because the machine was too slow.
     """
 
     def __init__(
@@ -54,12 +54,12 @@ class Pacer:
         self.restart()
 
     def restart(self) -> None:
-        """Start to count now, as after a pause."""
+        """Restart counting now, as after a pause."""
         self._origin_s = self._clock()
         self._steps = 0
 
     def due(self) -> int:
-        """Number of steps that are due now; without a factor always one chunk of 1/60 s."""
+        """Return the number of due steps; without a factor always one chunk of 1/60 s."""
         if self.factor <= 0:
             return max(1, round(1 / 60 / self._timestep_s))
         wanted = int((self._clock() - self._origin_s) * self.factor / self._timestep_s + 1e-9)
@@ -73,7 +73,7 @@ class Pacer:
         return due
 
     def wait_s(self) -> float:
-        """Wall time until the next step is due; 0 when it is."""
+        """Return the wall time until the next step is due; 0 if one is due."""
         if self.factor <= 0:
             return 0.0
         next_s = self._origin_s + (self._steps + 1) * self._timestep_s / self.factor
@@ -82,16 +82,16 @@ class Pacer:
 
 @dataclass(frozen=True)
 class WorldSettings:
-    """How a world runs.
+    """Settings of a world.
 
     Attributes:
-        model_path: packaged name or path; folder: where a relative path starts.
-        keyframe: state to start at; "" for ``home``.
-        real_time_factor: 1 for real time, 0 for as fast as possible.
-        reset_on_divergence: start again instead of ending with an error.
-        attached: further models in the scene.
-        variation: varies the scene at each start; None leaves it as it is.
-        shadows: cameras draw them.
+        model_path: packaged name or path; folder: base of relative paths.
+        keyframe: initial state; "" for ``home``.
+        real_time_factor: 1 means real time, 0 means as fast as possible.
+        reset_on_divergence: reset instead of ending with an error.
+        attached: additional models in the scene.
+        variation: varies the scene at each start; None leaves it unchanged.
+        shadows: cameras render them.
     """
 
     model_path: str
@@ -105,15 +105,15 @@ class WorldSettings:
 
 
 class World:
-    """A model that lives: stepped by its own thread, under ``lock``.
+    """A running model, stepped by its own thread under ``lock``.
 
     Attributes:
-        physics: model and state; touch it only while holding ``lock``.
+        physics: model and state; access it only while holding ``lock``.
         lock: held by the thread while it steps.
-        failure: why the world stopped by itself; "" while all is well.
-        divergences: what went wrong and was reset, the first ``DIVERGENCES_KEPT`` of them.
-        divergence_count: how often in all.
-        demonstrator: that shows a task, None without one; its verbs are those of the simulator's node.
+        failure: why the world stopped by itself; "" otherwise.
+        divergences: divergences that were reset, the first ``DIVERGENCES_KEPT`` of them.
+        divergence_count: total number.
+        demonstrator: None without one; the simulator's node offers its verbs.
     """
 
     def __init__(self, settings: WorldSettings) -> None:
@@ -135,7 +135,7 @@ class World:
         self._before: list[Hook] = []
         self._after: list[Hook] = []
         self._paused = False
-        self._epoch = 0  # what was due before a pause or its end is not due after it
+        self._epoch = 0  # steps that were due before a pause are not due after it
         self._steps_left = 0
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -144,26 +144,26 @@ class World:
         self._asked: tuple[float, float] | None = None
 
     def before_step(self, hook: Hook) -> Callable[[], None]:
-        """Call ``hook`` under the lock before each step. Return how to end that."""
+        """Call ``hook`` under the lock before each step. Return a function that removes it."""
         return self._hooked(self._before, hook, len(self._before))
 
     def after_step(self, hook: Hook, *, first: bool = False) -> Callable[[], None]:
-        """Call ``hook`` under the lock after each step. Return how to end that. It must be short.
+        """Call a fast ``hook`` under the lock after each step. Return a function that removes it.
 
         Args:
-            hook: what is called; first: before all the others that are there.
+            hook: to call; first: before all present hooks.
         """
         return self._hooked(self._after, hook, 0 if first else len(self._after))
 
     def defer(self, job: Callable[[], None]) -> None:
-        """Have the stepping thread do something before its next step, without the lock.
+        """Run a job on the stepping thread before its next step, without the lock.
 
-        For what takes long, such as drawing: the physics waits, and devices still read and command.
+        For long jobs such as rendering: the physics waits, but devices can still read and command.
         """
         self._jobs.append(job)
 
     def call(self, job: Callable[[], None]) -> None:
-        """Have the running stepping thread do something, and wait until it is done."""
+        """Run a job on the stepping thread and wait for it."""
         done = threading.Event()
 
         def run() -> None:
@@ -183,7 +183,7 @@ class World:
             yield
 
     def start(self) -> None:
-        """Start to step. Idempotent."""
+        """Start stepping. Idempotent."""
         if self._thread is not None:
             return
         self._started_s = time.monotonic()
@@ -199,29 +199,29 @@ class World:
 
     @property
     def paused(self) -> bool:
-        """Whether time stands still."""
+        """Whether time is paused."""
         return self._paused
 
     def pause(self) -> None:
-        """Let time stand still: no step is done after the return."""
+        """Pause time; no step runs after the return."""
         with self.lock:
             self._paused = True
             self._epoch += 1
 
     def resume(self) -> None:
-        """Let time run on."""
+        """Resume time."""
         with self.lock:
             self._paused = False
             self._epoch += 1
             self._pacer.restart()
 
     def step_paused(self, count: int) -> None:
-        """Do some steps while paused."""
+        """Run some steps while paused."""
         with self.lock:
             self._steps_left += count
 
     def reset(self) -> None:
-        """Put the model back to its start."""
+        """Reset the model to its start."""
         with self.lock:
             self.physics.reset()
 
@@ -232,7 +232,7 @@ class World:
         return self._simulated_s / elapsed_s if elapsed_s > 0 else 0.0
 
     def recent_real_time_factor(self) -> float:
-        """Simulated time per wall time since this was last asked."""
+        """Return simulated time per wall time since the last call."""
         now_s, simulated_s = time.monotonic(), self._simulated_s
         asked_s, then_s = self._asked or (self._started_s, 0.0)
         self._asked = (now_s, simulated_s)
@@ -248,12 +248,12 @@ class World:
                         due -= self._steps(due) if epoch == self._epoch else due
                     self._do_jobs()
                 if self.settings.real_time_factor <= 0:
-                    time.sleep(0)  # lets others take the lock
+                    time.sleep(0)  # lets other threads take the lock
                 continue
             self._stop.wait(max(TICK_S / 2, min(self._pacer.wait_s(), 0.02)) if not self._paused else 0.005)
 
     def _due(self) -> tuple[int, int]:
-        """Number of steps that are due, and the epoch in which they are."""
+        """Return the number of due steps and their epoch."""
         with self.lock:
             if not self._paused:
                 return self._pacer.due(), self._epoch
@@ -261,7 +261,7 @@ class World:
             return due, self._epoch
 
     def advance(self, count: int) -> None:
-        """Do some steps at once, with all hooks and deferred jobs; the caller holds ``lock``."""
+        """Run steps at once with all hooks and deferred jobs. The caller holds ``lock``."""
         self._do_jobs()
         while count > 0 and not self.failure:
             count -= self._steps(count)
@@ -273,7 +273,7 @@ class World:
                 self._jobs.popleft()()
 
     def _steps(self, count: int) -> int:
-        """Do steps until ``count`` or until a job is deferred. Return how many; under the lock."""
+        """Run up to ``count`` steps until a job is deferred. Return how many. The caller holds the lock."""
         physics = self.physics
         done = 0
         try:
@@ -317,7 +317,7 @@ _shared_lock = threading.Lock()
 
 
 def shared_world(settings: WorldSettings) -> World:
-    """The world of this process for these settings, made on first use; give it back by ``leave_world``.
+    """Return the world of this process for these settings, created on first use; leave it by ``leave_world``.
 
     Raises:
         ModelError: the model cannot be loaded.
@@ -331,7 +331,7 @@ def shared_world(settings: WorldSettings) -> World:
 
 
 def leave_world(world: World) -> None:
-    """Give a shared world back; the last one closes it."""
+    """Leave a shared world; the last device closes it."""
     with _shared_lock:
         held, users = _shared.get(world.settings, (world, 1))
         if held is not world:

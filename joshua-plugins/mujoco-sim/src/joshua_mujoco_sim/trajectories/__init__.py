@@ -1,1 +1,1 @@
-"""Recorded motion: one reader for each form of file, all with one result."""
+"""Recorded motion: one reader per file format, all with the same result type."""

@@ -1,4 +1,4 @@
-"""Data sets in the layouts of LeRobot (v3 and v2), ours among them, and ROS 2 recordings (MCAP, rosbag2)."""
+"""Data sets in LeRobot's layouts (v3 and v2), also JOSHUA's, and ROS 2 recordings (MCAP, rosbag2)."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from joshua_mujoco_sim.trajectories.trajectory import Budget, Trajectory, Trajec
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
-#: Files of a data set, by their ending; those of Parquet may hold several episodes.
+#: Files of a data set by suffix; Parquet files may hold several episodes.
 _EPISODE_FILES = {".csv": read_csv, ".jsonl": read_json_lines, ".parquet": read_parquet}
 
 
 def is_lerobot(folder: Path) -> bool:
-    """Whether a folder is a LeRobot data set."""
+    """Return whether a folder is a LeRobot data set."""
     return (folder / "meta" / "info.json").is_file()
 
 
 def is_rosbag(path: Path) -> bool:
-    """Whether a path is an MCAP file or the folder of a rosbag2 recording."""
+    """Return whether a path is an MCAP file or the folder of a rosbag2 recording."""
     return path.suffix == ".mcap" or (path / "metadata.yaml").is_file()
 
 
 def read_lerobot(folder: Path, episodes: Sequence[int], budget: Budget) -> list[Trajectory]:
-    """Read the episodes of a data set of LeRobot or of ours, all of them if none is named.
+    """Read the named episodes, or all, of a data set from LeRobot or JOSHUA.
 
     Raises:
         TrajectoryError: the data set is damaged, or has no such episode.
@@ -55,7 +55,7 @@ def read_lerobot(folder: Path, episodes: Sequence[int], budget: Budget) -> list[
         raise TrajectoryError(
             f"{folder} records neither {' nor '.join(VECTOR_COLUMNS)}: there is nothing to replay"
         ) from None
-    if unit == Unit.LEROBOT.value:  # what the names say as well; the values may be degrees
+    if unit == Unit.LEROBOT.value:  # the names imply it, too; the values may be degrees
         unit = ""
     files = [file for file in sorted((folder / "data").glob("chunk-*/*")) if file.suffix in _EPISODE_FILES]
     if files and files[0].suffix != ".parquet":
@@ -68,7 +68,7 @@ def read_lerobot(folder: Path, episodes: Sequence[int], budget: Budget) -> list[
 def _from_text(
     folder: Path, files: Sequence[Path], episodes: Sequence[int], names: tuple[str, ...], budget: Budget
 ) -> list[Trajectory]:
-    """Read episodes of a data set of ours in text files, each of which holds one."""
+    """Read episodes of a JOSHUA data set in text files with one episode each."""
     _require(folder, episodes, range(len(files)))
     found = [
         _EPISODE_FILES[files[number].suffix](files[number], budget)
@@ -115,7 +115,7 @@ def _require(folder: Path, episodes: Sequence[int], numbers: Collection[int]) ->
 
 
 def read_rosbag(path: Path, budget: Budget) -> Trajectory:
-    """Read the joint states of a recording: of its one topic of that type, or of the busiest.
+    """Read the joint states of a recording: from the busiest topic of that type.
 
     Raises:
         TrajectoryError: the recording cannot be read, or holds no joint states.

@@ -1,4 +1,4 @@
-"""From a path to trajectories, whatever form the recording has."""
+"""Reading of trajectories in any supported format."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _TABLES = {".csv": read_csv, ".jsonl": read_json_lines, ".parquet": read_parquet
 
 
 def size_bytes(path: Path) -> int:
-    """Size of a recording, videos of a data set left out."""
+    """Return the size of a recording, without the videos of a data set."""
     files = [path] if path.is_file() else [file for file in path.rglob("*") if file.suffix != ".mp4"]
     return sum(file.stat().st_size for file in files if file.is_file())
 
@@ -26,11 +26,12 @@ def read_trajectories(path: Path, episodes: Sequence[int] = (), unit: str = "") 
 
     Args:
         path: file or folder.
-        episodes: of a data set, in the order in which they are replayed; () for all.
-        unit: of the positions, a value of ``joshua.features.Unit``; "" for what the recording states.
+        episodes: of a data set, in replay order; () for all.
+        unit: of the positions, a value of ``joshua.features.Unit``; "" for the unit that the recording
+            states.
 
     Raises:
-        TrajectoryError: it does not exist, has an unknown form, cannot be read, or is too long.
+        TrajectoryError: it does not exist, has an unknown format, cannot be read, or is too long.
     """
     found = _read(path, episodes, Budget())
     return [replace(trajectory, unit=unit) for trajectory in found] if unit else found

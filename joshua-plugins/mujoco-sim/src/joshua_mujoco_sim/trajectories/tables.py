@@ -1,4 +1,4 @@
-"""CSV, JSON Lines and Parquet: one row for each sample, a column of times, a column for each joint."""
+"""CSV, JSON Lines and Parquet: one row per sample, a time column, a column per joint."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from joshua_mujoco_sim.trajectories.trajectory import (
 
 TIME_COLUMNS = ("time_s", "timestamp")
 
-#: Columns of a recorded data set that hold all joints as one list, the commanded positions first.
+#: Columns of a data set that hold all joints as a list; commanded positions take precedence.
 VECTOR_COLUMNS = (ACTION, STATE)
 
-#: Columns that count and describe, and are no joints.
+#: Columns that are not joints.
 _OTHER_COLUMNS = ("stamp_ns", "frame_index", "episode_index", "index", "task_index", "task", "next.done")
 
 
@@ -85,7 +85,7 @@ def read_parquet(path: Path, budget: Budget) -> Trajectory:
 
 
 def parquet_columns(path: Path, budget: Budget, *further: str) -> dict[str, Any]:
-    """Columns of a Parquet file that a trajectory is made of, and further ones where they are there.
+    """Return the trajectory columns of a Parquet file, and further ones if present.
 
     A column of lists becomes an array with a row for each of them. Raises TrajectoryError.
     """
@@ -106,7 +106,7 @@ def parquet_columns(path: Path, budget: Budget, *further: str) -> dict[str, Any]
 
 
 def from_columns(source: str, columns: Mapping[str, Any], vector_names: Sequence[str] = ()) -> Trajectory:
-    """Make a trajectory of columns, of which one holds times. Raises TrajectoryError."""
+    """Return a trajectory from columns, one of which holds times. Raises TrajectoryError."""
     time = next((name for name in TIME_COLUMNS if name in columns), None)
     if time is None:
         raise TrajectoryError(
@@ -120,7 +120,7 @@ def from_columns(source: str, columns: Mapping[str, Any], vector_names: Sequence
             names = tuple(vector_names)
         else:
             chosen = [name for name in columns if name != time and name not in _OTHER_COLUMNS]
-            for prefix in (f"{name}." for name in VECTOR_COLUMNS):  # as our own CSV files name each number
+            for prefix in (f"{name}." for name in VECTOR_COLUMNS):  # named as in JOSHUA's CSV files
                 if any(name.startswith(prefix) for name in chosen):
                     chosen = [name for name in chosen if name.startswith(prefix)]
                     names = tuple(name.removeprefix(prefix) for name in chosen)
@@ -140,7 +140,7 @@ def from_columns(source: str, columns: Mapping[str, Any], vector_names: Sequence
 
 
 class _Rows:
-    """Samples of a text file: eight bytes for each number, however many there are."""
+    """Samples of a text file, with eight bytes per number."""
 
     def __init__(self, source: str, budget: Budget) -> None:
         self._source, self._budget = source, budget
@@ -168,7 +168,7 @@ class _Rows:
             self._values[name].extend(row)
 
     def trajectory(self) -> Trajectory:
-        """The trajectory of all samples. Raises TrajectoryError."""
+        """Return the trajectory of all samples. Raises TrajectoryError."""
         if not self._count:
             raise TrajectoryError(f"{self._source} has no samples: record some first")
         columns = {
@@ -181,7 +181,7 @@ class _Rows:
 
 
 def _lines(path: Path, file: TextIO) -> Iterator[str]:
-    """Lines of a file, however long it claims them to be. Raises TrajectoryError."""
+    """Yield the lines of a file, with a length limit. Raises TrajectoryError."""
     number = 0
     while line := file.readline(LONGEST_LINE + 1):
         number += 1
@@ -211,7 +211,7 @@ def _length(value: float | list[float]) -> int | None:
 
 
 def _needed(names: Sequence[str], further: Sequence[str]) -> list[str]:
-    """Columns to read: pictures and texts beside a list of all joints may be as large as they like."""
+    """Return the columns to read; skips large pictures and texts if one list holds all joints."""
     times = [name for name in TIME_COLUMNS if name in names][:1]
     vectors = [name for name in VECTOR_COLUMNS if name in names][:1]
     joints = vectors or [name for name in names if name not in (*times, *_OTHER_COLUMNS)]
@@ -219,7 +219,7 @@ def _needed(names: Sequence[str], further: Sequence[str]) -> list[str]:
 
 
 def _stored(metadata: Any, names: Sequence[str]) -> int:
-    """How many values columns hold, by what the file says of itself before any is read."""
+    """Return the number of values in columns from the metadata, before reading any."""
     groups = (metadata.row_group(index) for index in range(metadata.num_row_groups))
     return sum(
         column.num_values

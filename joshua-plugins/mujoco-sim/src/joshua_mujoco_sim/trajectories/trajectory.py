@@ -1,4 +1,4 @@
-"""A recorded motion as arrays, and how its columns find the joints of a model."""
+"""A recorded motion as arrays, and the mapping of its columns to the joints of a model."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ from joshua.features.joint_units import is_gripper
 FloatArray = npt.NDArray[np.float64]
 
 
-#: Numbers in memory at once, samples times columns: eight hours of six joints at 100 Hz, 160 MB.
+#: Largest number of values in memory: eight hours of six joints at 100 Hz, 160 MB.
 MOST_NUMBERS = 20_000_000
 
-#: LeRobot's normalised values end at 100; what is larger, but for rounding, are its degrees.
+#: LeRobot's normalised values end at 100; larger values, apart from rounding, are degrees.
 LARGEST_NORMALISED = 101.0
 
-#: Characters of one sample in a text file.
+#: Largest number of characters per sample in a text file.
 LONGEST_LINE = 1 << 20
 
 
 class TrajectoryError(Exception):
-    """A recording cannot be read or does not fit the model; the message says where, why and what to do."""
+    """A recording cannot be read or does not fit the model. The message gives place, reason and remedy."""
 
 
 class MissingExtraError(TrajectoryError):
-    """A recording cannot be read here, since a library is not installed. The message says which."""
+    """A recording cannot be read because a library is not installed. The message names it."""
 
 
 class Budget:
-    """What is left of the numbers that one replay may hold."""
+    """Remaining budget of values in one replay."""
 
     def __init__(self) -> None:
         self._most = self._left = MOST_NUMBERS
 
     def take(self, source: str | Path, count: int) -> None:
-        """Count numbers that are about to be kept. Raises TrajectoryError."""
+        """Count values against the budget. Raises TrajectoryError."""
         self._left -= count
         if self._left < 0:
             raise TrajectoryError(
@@ -55,12 +55,12 @@ class Trajectory:
     """Positions over time.
 
     Attributes:
-        source: file that it comes from, for messages.
-        names: joints, in the order of the columns; () if the recording names none.
+        source: file name for messages.
+        names: joints in column order; () if the recording names none.
         time_s: shape (T,), increasing, from 0.
         position: in ``unit``, shape (T, N).
-        unit: a value of ``joshua.features.Unit``; "" is LeRobot's for names that end in ``.pos``, radians
-            for others.
+        unit: a value of ``joshua.features.Unit``; "" means LeRobot's unit for names that end in ``.pos`` and
+            radians for others.
     """
 
     source: str
@@ -89,10 +89,10 @@ class Trajectory:
         return float(self.time_s[-1])
 
     def for_joints(self, ranges: Mapping[str, tuple[float, float]]) -> tuple[tuple[str, ...], FloatArray]:
-        """Choose the columns of a model's joints.
+        """Select the columns of a model's joints.
 
         Args:
-            ranges: limits in radians of the joints that the model drives, in its order.
+            ranges: limits in radians of the model's driven joints, in order.
 
         Returns:
             The joints that the recording moves, and their positions in radians, shape (T, M).
@@ -128,7 +128,7 @@ class Trajectory:
         lerobot: Sequence[bool],
         ranges: Mapping[str, tuple[float, float]],
     ) -> FloatArray:
-        """Return the columns of some joints in radians; ``lerobot`` says whose name is LeRobot's."""
+        """Return the columns of some joints in radians; ``lerobot`` marks LeRobot names."""
         beyond = any(
             is_lerobot and not is_gripper(joint) and np.abs(column).max() > LARGEST_NORMALISED
             for joint, column, is_lerobot in zip(joints, values.T, lerobot, strict=True)
@@ -139,7 +139,7 @@ class Trajectory:
             unit = Unit(self.unit) if self.unit else by_name if is_lerobot else Unit.RADIANS
             if unit is Unit.RADIANS:
                 continue
-            # data sets of other layouts have grippers from -100 to 100, too
+            # data sets with other layouts also have grippers from -100 to 100
             percent = is_gripper(joint) and values[:, column].min() >= 0
             try:
                 units = JointUnits([CalibratedJoint(joint, *ranges[joint], percent=percent)])
