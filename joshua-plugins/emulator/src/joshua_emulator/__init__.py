@@ -2,8 +2,7 @@
 laser scanners on pseudo-terminals, cameras over HTTP.
 
 A driver under test opens the emulator's port like any serial port, or its address like that of any network
-camera; nothing of the emulator is imported by drivers, and it imports nothing of theirs, so a mistake in
-either shows.
+camera. Drivers and emulators share no code, so a mistake in either becomes visible.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ __all__ = [
     "EmulatorProcess",
 ]
 
-# Loaded at first use: checking a file asks this package only what it provides.
+# Loaded on first use: checking a file only needs to know what this package provides.
 _MODULE_OF = {
     "EmulatedBus": "joshua_emulator.process",
     "EmulatedCamera": "joshua_emulator.camera.process",

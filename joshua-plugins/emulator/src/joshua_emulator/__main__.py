@@ -1,4 +1,4 @@
-"""Runs the emulator: ``python -m joshua_emulator feetech --ids 1-6``."""
+"""Run the emulator: ``python -m joshua_emulator feetech --ids 1-6``."""
 
 import sys
 

@@ -1,8 +1,8 @@
 """Arms that can be emulated: joints with their names and mechanical ranges, as data.
 
-Ranges in radians about the middle of the model's joint axis (SO-ARM100: the public MuJoCo model; its wrist
-roll is taken as just short of a turn so that it has stops to find; Koch: chosen to differ from it, so that
-a mapping between both shows).
+Ranges are in radians about the middle of the model's joint axis. SO-ARM100: the public MuJoCo model, with a
+wrist roll just short of a turn so that it has stops. Koch: different values, so that a mapping between both
+is visible.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ ARMS = {
 
 
 def mounted_middle(identity: str, slot: int) -> int:
-    """Raw encoder tick at the middle of a joint's range.
+    """Return the raw encoder tick at the middle of a joint's range.
 
-    Horns are screwed on at any angle, so each device has its own, always the same for one identity.
+    Horns are mounted at any angle, so each device has its own value, constant for its identity.
     """
     digest = hashlib.sha256(f"{identity}/{slot}".encode()).digest()
     return 1 + int.from_bytes(digest[:4], "big") % (TICKS_PER_TURN - 1)

@@ -37,13 +37,13 @@ _BUSES: dict[str, type[BusAssembly[Any]]] = {"feetech": FeetechAssembly, "dynami
 
 @dataclass(frozen=True)
 class Machine:
-    """An emulated device: what the command line does with it.
+    """Interface of an emulated device for the command line.
 
     Attributes:
-        facts: what the line of JSON at the start says about it.
-        handle: carries out one request, as the control channel does.
+        facts: content of the JSON line at the start.
+        handle: executes one request, like the control channel.
         run: serves until ``stop``, or until one of the file descriptors reaches its end.
-        stop: ends ``run``; close: tidies up.
+        stop: ends ``run``; close: cleans up.
     """
 
     facts: dict[str, Any]
@@ -58,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     if options.root:
         return emulate(options, options.root)
-    # Removed by this process itself, because the one that started it may be killed.
+    # Removed by this process because its parent may be killed.
     with tempfile.TemporaryDirectory(prefix="joshua-emulator-", ignore_cleanup_errors=True) as folder:
         return emulate(options, Path(folder))
 
@@ -79,13 +79,13 @@ def emulate(options: argparse.Namespace, root: Path) -> int:
         return FAULT_REFUSED
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: machine.stop())
-    wake, wake_writer = os.pipe()  # a signal must end the wait of the loop
+    wake, wake_writer = os.pipe()  # a signal must wake the loop
     os.set_blocking(wake_writer, False)
     signal.set_wakeup_fd(wake_writer)
     facts = {"pid": os.getpid(), "root": str(root), **machine.facts}
     print(json.dumps(facts), flush=True)  # noqa: T201 - read by whoever started this process
     gc.freeze()
-    gc.disable()  # the loop makes no cycles, and a collection would make a reply late
+    gc.disable()  # the loop creates no reference cycles, and a collection would delay a reply
     try:
         machine.run((sys.stdin.fileno(), wake) if options.until_stdin_closes else (wake,))
     finally:

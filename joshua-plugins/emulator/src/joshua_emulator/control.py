@@ -21,14 +21,14 @@ Handler = Callable[[dict[str, Any]], dict[str, Any]]
 
 
 class ControlError(Exception):
-    """A request that cannot be carried out; the text goes back to whoever asked."""
+    """A request that cannot be executed. The message is returned to the client."""
 
 
 def listen_at(path: Path) -> socket.socket:
-    """Listen at a path, for this user alone, in place of a socket that a former process has left there.
+    """Listen at a path for this user only; replace a socket left by an earlier process.
 
     Raises:
-        OSError: the path cannot be used, or something else stands there.
+        OSError: the path cannot be used, or is not a socket.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.is_symlink() or (path.exists() and not path.is_socket()):
@@ -47,7 +47,7 @@ def listen_at(path: Path) -> socket.socket:
 
 
 class ControlServer:
-    """Serves requests between two turns of the loop; no thread of its own."""
+    """Serves requests between cycles of the loop, without a thread."""
 
     def __init__(self, path: Path, handler: Handler) -> None:
         self.path = path
@@ -60,7 +60,7 @@ class ControlServer:
         return (self._listener.fileno(), *self._clients)
 
     def serve(self, ready: Iterable[int]) -> None:
-        """Serve those of the descriptors that are ready."""
+        """Serve the descriptors that are ready."""
         for descriptor in ready:
             if descriptor == self._listener.fileno():
                 self._accept()

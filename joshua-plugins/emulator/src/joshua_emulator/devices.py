@@ -1,4 +1,4 @@
-"""The emulators that ``--emulate`` puts in place of the devices of a file."""
+"""The emulators that ``--emulate`` substitutes for the devices of a file."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from joshua_emulator.spike.process import EmulatedHub
 if TYPE_CHECKING:
     from pathlib import Path
 
-#: What moves a leader's joints, in place of the person who would.
+#: Motion of a leader's joints in place of the user.
 LEADER_MOTION = "sine"
 
 
 class Unstarted:
-    """The endpoints of a device that is only shown in a plan."""
+    """Endpoints of a device that is only shown in a plan."""
 
     port = by_id = adapter = device = "emulated"
     source = "http://emulated"
 
     def close(self) -> None:
-        """Nothing runs."""
+        """Do nothing: no process runs."""
 
 
 class ProcessEmulator(DeviceEmulator):
-    """An emulator that is a process of this distribution."""
+    """An emulator that runs as a process of this distribution."""
 
     def __init__(self, device: EmulatedDevice) -> None:
         super().__init__(device)
@@ -65,7 +65,7 @@ class ProcessEmulator(DeviceEmulator):
 
     @abstractmethod
     def make_process(self, block: Any, folder: Path) -> EmulatorProcess:
-        """Make the process that stands for a block."""
+        """Return the emulator process for a block."""
 
     def close(self) -> None:
         """End the process."""
@@ -80,11 +80,11 @@ class ServoBusEmulator(ProcessEmulator):
     #: Subcommand of the emulator's command line, and the arm that six servos are.
     protocol: ClassVar[str] = "feetech"
     arm: ClassVar[str] = "so_arm100"
-    #: Servos of another family at the same node remember what is theirs.
+    #: Servos of another family at the same node have their own store.
     eeprom_file: ClassVar[str] = "eeprom.json"
 
     def make_process(self, block: Any, folder: Path) -> EmulatedBus:
-        """Make the bus with the ids and the line speed of the block."""
+        """Return a bus with the ids and the line speed of the block."""
         ids = list(block.motor_ids)
         is_arm = len(ids) == 6
         return EmulatedBus(
@@ -118,7 +118,7 @@ class ServoBusEmulator(ProcessEmulator):
         return {}
 
     def amend(self, block: Message) -> None:
-        """Put the pseudo-terminal in place of the serial port."""
+        """Replace the serial port with the pseudo-terminal."""
         serial: Any = block.comm.serial  # type: ignore[attr-defined]
         for field in ("serial_number", "vid_pid"):
             serial.ClearField(field)
@@ -130,7 +130,7 @@ class ServoBusEmulator(ProcessEmulator):
         return str(self._process.port)
 
     def calibration(self) -> calibration_pb2.ArmCalibration | None:
-        """What the servos' EEPROM holds."""
+        """Return the content of the servos' EEPROM."""
         if len(self.device.block.motor_ids) != 6:  # type: ignore[attr-defined]
             return None
         values = self._process.calibration()
@@ -138,7 +138,7 @@ class ServoBusEmulator(ProcessEmulator):
         return calibration_pb2.ArmCalibration(motors=motors, **values)
 
     def guide(self, joint: int | None, seconds: float) -> bool:
-        """Move the joints as a person would."""
+        """Move the joints in place of the user."""
         self._process.guide(joint, seconds)
         return True
 
@@ -156,20 +156,20 @@ class DynamixelBusEmulator(ServoBusEmulator):
 
 
 class CameraEmulator(ProcessEmulator):
-    """A camera that serves Motion JPEG on loopback: a test scene, or what a camera of the simulation sees."""
+    """A camera that serves Motion JPEG on loopback: a test scene, or a camera of the simulation."""
 
     couples = True
 
     def make_process(self, block: Any, folder: Path) -> EmulatedCamera:
         """Make the camera with the size and the rate of the block."""
-        del folder  # a camera remembers nothing
+        del folder  # a camera stores nothing
         options: dict[str, Any] = {}
         if isinstance(link := self.device.physics, PhysicsCamera):
             options = {"physics": link.socket, "physics_camera": link.camera}
         return EmulatedCamera(block.width, block.height, block.fps, fault=list(self.device.faults), **options)
 
     def amend(self, block: Message) -> None:
-        """Put the address of the stream in place of the device."""
+        """Replace the device with the address of the stream."""
         block.ClearField("device_id")
         block.source = self._process.source  # type: ignore[attr-defined]
 
@@ -193,7 +193,7 @@ class HubEmulator(ProcessEmulator):
         )
 
     def amend(self, block: Message) -> None:
-        """Put the virtual adapter in place of the system's."""
+        """Replace the system's adapter with the virtual one."""
         block.comm.ble.adapter = self._process.adapter  # type: ignore[attr-defined]
 
     @property
@@ -202,12 +202,12 @@ class HubEmulator(ProcessEmulator):
         return str(self._process.adapter)
 
     def guide(self, joint: int | None, seconds: float) -> bool:
-        """Move the shafts as a person would."""
+        """Move the shafts in place of the user."""
         self._process.guide(joint, seconds)
         return True
 
     def calibration(self) -> calibration_pb2.ArmCalibration:
-        """Zero where each shaft stood at first, and a quarter of a turn to both sides."""
+        """Return a calibration: zero at the initial angle, and a quarter of a turn to both sides."""
         motors = []
         for port, motor in self._process.state()["motors"].items():
             raw = round(motor["absolute_deg"] % 360 * 4096 / 360) % 4096

@@ -1,4 +1,4 @@
-"""Keeps EEPROM contents of emulated devices in a file, one per identity, across power cycles."""
+"""Storage of EEPROM contents of emulated devices in a file, one per identity."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ class EepromStoreError(Exception):
 
 
 class EepromStore:
-    """EEPROM images by slot; a path of None keeps nothing.
+    """EEPROM images by slot; a path of None stores nothing.
 
-    A slot is the place of the device on its cable, with its kind where devices of several kinds can be there.
+    A slot is the position of the device on its cable, with its kind if several kinds are possible.
     """
 
     def __init__(self, path: Path | None, identity: str) -> None:
@@ -23,7 +23,7 @@ class EepromStore:
         self._images: dict[str, str] = {}
 
     def load(self) -> None:
-        """Read the file where there is one. Raises EepromStoreError."""
+        """Read the file if it exists. Raises EepromStoreError."""
         if self._path is None or not self._path.exists():
             return
         try:
@@ -48,7 +48,7 @@ class EepromStore:
         return None if image is None else bytes.fromhex(image)
 
     def save(self, slot: int | str, image: bytes) -> None:
-        """Store the EEPROM of one slot; the file changes in one step, so a kill leaves old or new."""
+        """Store the EEPROM of one slot; the file is replaced atomically."""
         self._images[str(slot)] = image.hex()
         if self._path is None:
             return

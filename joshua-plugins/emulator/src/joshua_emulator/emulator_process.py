@@ -1,4 +1,4 @@
-"""A handle on an emulator process: start it, ask it, stop it."""
+"""Handle to an emulator process: start, query, stop."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ START_TIMEOUT_S = 60.0  # beside a dozen others, on a machine that does somethin
 ANSWER_TIMEOUT_S = 60.0
 STOP_TIMEOUT_S = 10.0
 
-#: Exit code of the program for a fault that it does not know.
+#: Exit code of the program for an unknown fault.
 FAULT_REFUSED = 3
 
 
 class EmulatorError(Exception):
-    """The emulator did not start, refused a request or is gone. The message says which and why."""
+    """The emulator did not start, refused a request or ended. The message says which and why."""
 
 
 class FaultRefused(EmulatorError):
-    """The emulator does not know a fault, or not with this value. The message lists what is allowed."""
+    """The fault is unknown or its value is invalid. The message lists what is allowed."""
 
 
 class EmulatorProcess:
@@ -83,7 +83,7 @@ class EmulatorProcess:
         line = self._first_line()
         if not line:
             with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(STOP_TIMEOUT_S)  # it is about to end by itself, and has a reason to give
+                self._process.wait(STOP_TIMEOUT_S)  # it is about to end and to report the reason
             self._process.kill()
             _, errors = self._process.communicate()
             refused = self._process.returncode == FAULT_REFUSED
@@ -111,7 +111,7 @@ class EmulatorProcess:
                 if stream is not None:
                     with contextlib.suppress(BrokenPipeError):
                         stream.close()
-        if self.ready and not self._has_root:  # there still only if the process had to be killed
+        if self.ready and not self._has_root:  # still exists only if the process had to be killed
             shutil.rmtree(self.root, ignore_errors=True)
 
     def ask(self, operation: str, **values: Any) -> dict[str, Any]:
@@ -133,7 +133,7 @@ class EmulatorProcess:
         return answer
 
     def log(self, *events: str, since: int = 0) -> list[dict[str, Any]]:
-        """Log entries after a sequence number, of the named events only where any are named."""
+        """Return log entries after a sequence number, optionally only of the named events."""
         return list(self.ask("log", since=since, events=events)["entries"])
 
     def fault(self, kind: str, value: float | None = None, **settings: Any) -> None:

@@ -1,4 +1,4 @@
-"""What the emulator saw and did, with times: the truth that measurements are held against."""
+"""Log of the emulator's events with times, as ground truth for measurements."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class EventLog:
         self._lateness_s.append(lateness_s)
 
     def since(self, sequence: int, events: Iterable[str] = (), limit: int = CAPACITY) -> list[dict[str, Any]]:
-        """List entries after ``sequence``, of the given events only where any are named, oldest first."""
+        """Return entries after ``sequence``, optionally only of the given events, oldest first."""
         wanted = set(events)
         found = [
             entry
@@ -38,7 +38,7 @@ class EventLog:
         return found[:limit]
 
     def lateness(self, *, clear: bool = False) -> dict[str, float]:
-        """Sum up how late replies were handed over: count, and mean, median, p99 and maximum in seconds."""
+        """Return the lateness of replies: count, and mean, median, p99 and maximum in seconds."""
         ordered = sorted(self._lateness_s)
         if clear:
             self._lateness_s.clear()

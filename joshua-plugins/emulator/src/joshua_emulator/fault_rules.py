@@ -1,4 +1,4 @@
-"""What each fault of an emulated device takes, so that no value and no setting is misread or left out."""
+"""Values and settings that each fault of an emulated device accepts."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Text:
-    """A text of a form, given as a regular expression; ``allowed`` says it in words."""
+    """A text that matches a regular expression; ``allowed`` describes it."""
 
     allowed: str
     form: str
@@ -47,13 +47,13 @@ class Text:
 
 @dataclass(frozen=True)
 class FaultRule:
-    """What one fault takes.
+    """Value and settings of one fault.
 
     Attributes:
-        value: what stands behind the equals sign; None if nothing does.
+        value: after the equals sign; None if the fault takes none.
         optional: the value may be left out.
-        settings: what may follow by name, ``at_s`` aside.
-        unfit: why this device cannot have the fault; "" if it can.
+        settings: further settings by name, except ``at_s``.
+        unfit: why this device does not support the fault; "" if it does.
     """
 
     value: Number | Text | None = None
@@ -78,10 +78,10 @@ def check_fault(
     rules: Mapping[str, FaultRule],
     when: Mapping[str, Number] | None = None,
 ) -> None:
-    """Hold the request for a fault against the rules of a device.
+    """Check a fault request against the rules of a device.
 
     Args:
-        rules: by kind of fault; when: what every fault may wait for, ``at_s`` aside.
+        rules: by kind of fault; when: triggers of every fault, except ``at_s``.
 
     Raises:
         ControlError: the fault does not exist or does not fit. The message says what is allowed.

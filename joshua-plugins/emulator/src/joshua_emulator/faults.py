@@ -1,4 +1,4 @@
-"""Faults on the line: lost, corrupt and late packets, drawn from a seeded generator."""
+"""Line faults: lost, corrupt and late packets, from a seeded generator."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ LATE_BY_S = 0.02  # how late a late reply is where the fault does not say
 
 
 class FaultError(ValueError):
-    """A fault that does not exist or has a wrong value. The message lists what is allowed."""
+    """An unknown fault or an invalid value. The message lists what is allowed."""
 
 
 class Faults:
-    """Probabilities of line faults; 0 for each to begin with.
+    """Probabilities of line faults, initially 0.
 
     ``drop`` loses a reply, ``drop_request`` an instruction, ``corrupt`` flips one bit of a reply, ``late``
     hands a reply over ``late_by_s`` after its time.
@@ -44,7 +44,7 @@ class Faults:
                 self._probability[kind] = float(value)
 
     def clear(self) -> None:
-        """End all line faults; the counts stay."""
+        """Clear all line faults; keep the counts."""
         self._probability = dict.fromkeys(self.KINDS, 0.0)
         self.late_by_s = LATE_BY_S
 
@@ -57,7 +57,7 @@ class Faults:
         return self._draw("drop_request")
 
     def disturb(self, data: bytes) -> tuple[bytes, float] | None:
-        """Draw what happens to a reply: None if it is lost, else its bytes and its delay in seconds."""
+        """Apply random faults to a reply: return None if lost, else its bytes and its delay in seconds."""
         if self._draw("drop"):
             return None
         if self._draw("corrupt"):

@@ -1,4 +1,4 @@
-"""One HTTP client of an emulated camera: its request, and the frames that are on their way to it."""
+"""One HTTP client of an emulated camera: its request and its pending frames."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BOUNDARY = b"joshua-camera-frame"
 STREAM_PATHS = ("/", "/stream.mjpg")
 PICTURE_PATH = "/picture.jpg"
 
-# Told when the last piece was handed to the system; the reader may have it before the call returns.
+# Called when the last chunk was passed to the system; the reader may have it before the call returns.
 Sent = Callable[[float], None]
 
 _MAX_REQUEST = 16_384
@@ -20,11 +20,11 @@ _SEND_BUFFER = 1 << 18
 
 
 class Connection:
-    """A client, its socket without blocking.
+    """A client with a non-blocking socket.
 
     Attributes:
-        streaming: it has asked for the stream; wants_picture: it has asked for one picture.
-        begun: it has got a frame of the stream.
+        streaming: it requested the stream; wants_picture: it requested one picture.
+        begun: it has received a frame of the stream.
     """
 
     def __init__(self, peer: socket.socket) -> None:
@@ -42,7 +42,7 @@ class Connection:
 
     @property
     def sending(self) -> bool:
-        """Whether bytes wait for the client."""
+        """Whether bytes are pending for the client."""
         return bool(self._queue)
 
     def fileno(self) -> int:
@@ -50,7 +50,7 @@ class Connection:
         return self.socket.fileno()
 
     def receive(self) -> None:
-        """Read what the client sends, and answer its request once that is whole."""
+        """Read from the client, and answer its request once it is complete."""
         try:
             data = self.socket.recv(65_536)
         except BlockingIOError:
@@ -61,7 +61,7 @@ class Connection:
             self.close()
             return
         if self.streaming or self.wants_picture or self._close_when_sent:
-            return  # one request a connection; what follows has no meaning
+            return  # one request per connection; ignore the rest
         self._request += data
         if b"\r\n\r\n" in self._request:
             self._answer()
@@ -69,7 +69,7 @@ class Connection:
             self._refuse("431 Request Header Fields Too Large", "the request is too long")
 
     def send_frame(self, frame: bytes, number: int, sent: Sent) -> None:
-        """Send one frame of the stream; ``sent`` is called once its last byte is with the system."""
+        """Send one frame of the stream; ``sent`` is called when its last byte was passed to the system."""
         self.begun = True
         head = b"--%s\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\nX-Frame-Number: %d\r\n\r\n" % (
             BOUNDARY,
@@ -86,7 +86,7 @@ class Connection:
         self.flush()
 
     def flush(self) -> None:
-        """Send as much of what waits as the client takes."""
+        """Send as many pending bytes as the client accepts."""
         while self._queue:
             data, sent = self._queue[0]
             handed_over_s = time.monotonic()

@@ -1,8 +1,8 @@
-"""The frame's number and send time in the picture itself, as black and white cells.
+"""Frame number and send time encoded in the picture as black and white cells.
 
 The cells are the blocks of a JPEG with 4:2:2 colour sampling, 16 × 8 pixels each, in scan order from the
 upper left corner: 32 bits of the frame number, 64 bits of the send time (monotonic clock, ns), a CRC-16 of
-both. A cell covers its block whole, so the code survives any JPEG quality.
+both. A cell covers its whole block, so the code survives any JPEG quality.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ _CRC_START = 0xFFFF  # an all-black corner must not pass as frame 0
 
 @dataclass(frozen=True)
 class FrameCode:
-    """What a picture says about itself.
+    """Content of a frame code.
 
     Attributes:
-        number: of the frame; gaps are frames that were lost on the way.
+        number: of the frame; gaps are lost frames.
         sent_ns: time just before the first byte was sent, monotonic clock.
     """
 
@@ -44,7 +44,7 @@ def code_bytes(code: FrameCode) -> bytes:
 
 
 def read_code(pixels: npt.NDArray[np.uint8]) -> FrameCode | None:
-    """Read the code out of a picture of shape (H, W) or (H, W, C); None if there is none."""
+    """Read the code from a picture of shape (H, W) or (H, W, C); None if there is none."""
     height, width = pixels.shape[:2]
     columns = -(-width // CELL_WIDTH)
     if width < CELL_WIDTH or height < CELL_HEIGHT * -(-CODE_BITS // columns):
@@ -63,6 +63,6 @@ def read_code(pixels: npt.NDArray[np.uint8]) -> FrameCode | None:
 
 
 def fits(width: int, height: int) -> bool:
-    """Whether a picture of this size has room for the code."""
+    """Return whether a picture of this size has room for the code."""
     columns = -(-width // CELL_WIDTH)
     return width >= CELL_WIDTH and height > CELL_HEIGHT * -(-CODE_BITS // columns)

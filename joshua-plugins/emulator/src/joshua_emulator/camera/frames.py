@@ -1,4 +1,4 @@
-"""Frames of one size: the pictures of the scene, encoded once, and the code that is put into each."""
+"""Frames of one size: the pictures of the scene, encoded once, each with its frame code."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class FrameFactory:
         self._tails = [picture.tail(CODE_SEGMENTS) for picture in encoded]
 
     def frame(self, code: FrameCode) -> bytes:
-        """A JPEG file that shows the scene and carries the code."""
+        """Return a JPEG file of the scene with the code."""
         digits = self._digits
         segments = tuple(digits[digit] for byte in code_bytes(code) for digit in (byte >> 4, byte & 15))
         picture = code.number % len(self._heads)
@@ -55,5 +55,5 @@ class FrameFactory:
 
 @lru_cache(maxsize=4)
 def frame_factory(width: int, height: int) -> FrameFactory:
-    """The factory of a size, made once."""
+    """Return the cached factory of a size."""
     return FrameFactory(width, height)

@@ -1,7 +1,8 @@
-"""JPEG pictures whose entropy-coded scan can be put together from segments (ITU-T T.81, F.1.1.5 and E.1.4).
+"""JPEG pictures with an entropy-coded scan assembled from segments (ITU-T T.81, F.1.1.5 and E.1.4).
 
-With a restart interval the scan is a row of byte-aligned segments, each decodable on its own. So the cells
-of the frame code are encoded once in all their variants, and a frame costs a join of byte strings.
+With a restart interval, the scan is a sequence of byte-aligned segments that are decodable on their own. The
+cells of the frame code are therefore encoded once in all variants, and a frame costs only a join of byte
+strings.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def encode_file(pixels: npt.NDArray[np.uint8]) -> bytes:
 
 
 def encode(pixels: npt.NDArray[np.uint8]) -> EncodedPicture:
-    """Encode a picture and take its scan apart."""
+    """Encode a picture and split its scan into segments."""
     data = encode_file(pixels)
     start = data.index(_START_OF_SCAN)
     start += 2 + int.from_bytes(data[start + 2 : start + 4], "big")
@@ -60,7 +61,7 @@ def digit_segments() -> tuple[bytes, ...]:
 
 
 def join_segments(segments: tuple[bytes, ...], first: int) -> bytes:
-    """Join segments, each but the picture's first behind its restart marker.
+    """Join segments, each except the picture's first after its restart marker.
 
     Args:
         first: index of the first of them in its picture, which numbers the markers.

@@ -25,7 +25,7 @@ FAULTS: dict[str, FaultRule] = {
 
 
 class CameraOperations(DeviceOperations):
-    """Operations by name. ``handle`` is the control channel's handler."""
+    """Operations by name; ``handle`` is the handler of the control channel."""
 
     refusals: ClassVar[tuple[type[Exception], ...]] = (FrameSizeError, OSError)
 
@@ -63,7 +63,7 @@ class CameraOperations(DeviceOperations):
         }
 
     def fault_action(self, kind: str, request: Request) -> Action:
-        """The action that injects a valid fault. Raises FrameSizeError."""
+        """Return the action that injects a valid fault. Raises FrameSizeError."""
         server = self._server
         if kind in StreamFaults.KINDS:
             value = request["value"]
@@ -79,7 +79,7 @@ class CameraOperations(DeviceOperations):
         return makers[kind](request)
 
     def _stall(self, request: Request) -> Action:
-        """No frame for ``value`` seconds, or until the faults are cleared; connections stay open."""
+        """Send no frame for ``value`` seconds or until the faults are cleared; connections stay open."""
 
         def stall() -> None:
             self._server.stalled = True
@@ -113,7 +113,7 @@ class CameraOperations(DeviceOperations):
         return lambda: self._server.set_rate(fps)
 
     def _clear_faults(self, _: Request) -> None:
-        """End all faults: the camera is plugged in, continues, and has its first size and rate."""
+        """Clear all faults: the camera is connected and runs at its initial size and rate."""
         server = self._server
         width, height, fps = self._original
         server.faults.clear()

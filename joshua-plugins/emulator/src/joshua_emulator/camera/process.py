@@ -30,5 +30,5 @@ class EmulatedCamera(EmulatorProcess):
         return str(self.ready["picture"])
 
     def sent(self, since: int = 0) -> dict[int, int]:
-        """When the last byte of each frame was handed over: monotonic time in ns by frame number."""
+        """Return when the last byte of each frame was sent: monotonic time in ns by frame number."""
         return {entry["number"]: entry["t_ns"] for entry in self.log("frame", since=since)}

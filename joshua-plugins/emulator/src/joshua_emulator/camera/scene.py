@@ -1,4 +1,4 @@
-"""The test scene: a table seen from above with blocks on it and a ball that circles over them."""
+"""The test scene: a table from above with blocks on it and a circling ball."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The event loop of an emulated camera: frames at their times, clients and the control channel between."""
+"""The event loop of an emulated camera: frames on time, clients, and the control channel."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ _READ_SIZE = 4096
 
 
 class CameraServer:
-    """A camera that runs whether or not anybody looks: frame k is sent at start + k / rate.
+    """A camera that runs with or without clients: frame k is sent at start + k / rate.
 
-    A client that has not taken a frame when the next one is due misses the next one. Pictures of a simulation
-    are asked for at the time of their frame, and sent as soon as they are drawn.
+    A client that has not received a frame when the next one is due misses the next one. Pictures of a
+    simulation are requested at the time of their frame and sent as soon as they are rendered.
 
     Args:
         width, height: of the pictures, in pixels; fps: frames per second.
         port: of the loopback interface; 0 takes a free one.
-        view: what the camera sees; None for the test scene with the frame code.
+        view: source of the pictures; None means the test scene with the frame code.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class CameraServer:
         self.view = view
         self.number = 0
         self._asked = FrameCode(0, 0)
-        self._late = False  # a frame was due while the one before was still being drawn
+        self._late = False  # a frame was due while the previous one was still being rendered
         self.stalled = False
         self.dirty = False  # each stream begins with the second half of a picture
         self._listener: socket.socket | None = None
@@ -67,12 +67,12 @@ class CameraServer:
 
     @property
     def plugged(self) -> bool:
-        """Whether the camera can be reached."""
+        """Whether the camera is connected."""
         return self._listener is not None
 
     @property
     def streams(self) -> int:
-        """Clients that read the stream."""
+        """Number of clients that read the stream."""
         return sum(client.streaming for client in self._clients)
 
     def plug(self) -> None:
@@ -93,7 +93,7 @@ class CameraServer:
         self.log.add("plug", time.monotonic(), port=self.port)
 
     def unplug(self) -> None:
-        """Cut all clients off in the middle of what they read; new ones are refused."""
+        """Disconnect all clients in the middle of a transfer and refuse new ones."""
         if self._listener is not None:
             self._listener.close()
             self._listener = None
@@ -106,7 +106,7 @@ class CameraServer:
         """Serve pictures of another size from the next frame on. Raises FrameSizeError."""
         frame_factory(width, height)
         self.width, self.height = width, height
-        self._due_s = time.monotonic()  # preparing the pictures took the time of some frames
+        self._due_s = time.monotonic()  # preparing the pictures took the time of several frames
 
     def set_rate(self, fps: float) -> None:
         """Serve another number of frames per second from the next frame on."""
@@ -114,7 +114,7 @@ class CameraServer:
         self._due_s = time.monotonic() + 1 / fps
 
     def stop(self) -> None:
-        """End ``run`` after the present turn."""
+        """End ``run`` after the present cycle."""
         self._stopped = True
 
     def run(self, watched: Collection[int] = ()) -> None:
@@ -133,7 +133,7 @@ class CameraServer:
                 self.control.serve(ready)
 
     def close(self) -> None:
-        """Cut the clients off and close the control channel."""
+        """Disconnect the clients and close the control channel."""
         self.unplug()
         if self.view is not None:
             self.view.close()
@@ -187,10 +187,10 @@ class CameraServer:
                 client.send_picture(frame_factory(self.width, self.height).frame(code))
 
     def _frame(self, now_s: float) -> None:
-        """Send the frame that is due to everybody who reads the stream."""
+        """Send the due frame to all clients of the stream."""
         self.log.delivered(now_s - self._due_s)
         self._due_s += 1 / self.fps
-        if now_s - self._due_s > 1 / self.fps:  # this process was stalled: those frames were never taken
+        if now_s - self._due_s > 1 / self.fps:  # this process was stalled: skip those frames
             self._due_s = now_s + 1 / self.fps
         number, self.number = self.number, self.number + 1
         if self.stalled or self.faults.drops():
@@ -207,7 +207,7 @@ class CameraServer:
             self._deliver(code, dark_picture(self.width, self.height))
 
     def _ask(self, number: int) -> None:
-        """Have the simulation draw a frame, as soon as it has drawn the one before."""
+        """Request a frame from the simulation as soon as the previous one is rendered."""
         assert self.view is not None
         self._late = not self.view.ask(self.width, self.height)
         if not self._late:

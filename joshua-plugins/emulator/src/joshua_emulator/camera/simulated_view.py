@@ -1,6 +1,6 @@
-"""What a camera of a simulation sees: pictures that the physics draws, asked for one by one.
+"""Pictures of a simulation's camera, requested one by one from the physics.
 
-The other side and its packets are described in ``joshua_mujoco_sim.coupling``; any simulator may speak them.
+``joshua_mujoco_sim.coupling`` describes the packets; any simulator may implement them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from joshua_emulator.camera.jpeg_scan import encode_file
 
-#: How often a simulation that does not answer is looked for.
+#: Retry period while the simulation does not reply.
 RETRY_S = 0.1
 
 _PACKET_SIZE = 65_536
@@ -30,7 +30,7 @@ class SimulatedView:
         path: of the simulation's socket; camera: name of a camera of its model.
 
     Attributes:
-        answered: whether there was a simulation, ever; before that the camera is in the dark.
+        answered: whether a simulation has ever replied; until then the picture is dark.
     """
 
     def __init__(self, path: Path, camera: str) -> None:
@@ -48,9 +48,9 @@ class SimulatedView:
         return () if self._link is None else (self._link.fileno(),)
 
     def ask(self, width: int, height: int) -> bool:
-        """Ask for a picture. Return whether that is on its way from now on.
+        """Request a picture. Return whether the request was sent.
 
-        It is not while the last one is, and while there is no simulation: that is looked for each time.
+        It is not sent while another one is pending or without a simulation, which is looked for each time.
         """
         if self._link is not None and self._size != (width, height):
             self.close()
@@ -67,7 +67,7 @@ class SimulatedView:
         return True
 
     def receive(self) -> bytes | None:
-        """Take what has come. Return a picture once it is whole."""
+        """Receive data. Return a picture once it is complete."""
         if self._link is None:
             return None
         width, height = self._size
@@ -111,7 +111,7 @@ class SimulatedView:
         self._link, self._size = link, (width, height)
 
     def _join(self, packet: bytes) -> None:
-        """Take the answer to the introduction; why a camera is refused stands in the simulation's log."""
+        """Process the reply to the registration; the simulation's log explains a refusal."""
         with contextlib.suppress(ValueError, TypeError):
             self._joined = "error" not in json.loads(packet)
         self.answered = True
@@ -126,5 +126,5 @@ class SimulatedView:
 
 @lru_cache(maxsize=4)
 def dark_picture(width: int, height: int) -> bytes:
-    """What a camera shows before the simulation has drawn anything."""
+    """Return the picture before the first one of the simulation."""
     return encode_file(np.zeros((height, width, 3), np.uint8))

@@ -10,14 +10,14 @@ _HEADER_SHARE = 50  # the first fiftieth of a frame stays whole: its tables and 
 
 
 class StreamFaultError(ValueError):
-    """A fault that does not exist or has a wrong value. The message lists what is allowed."""
+    """An unknown fault or an invalid value. The message lists what is allowed."""
 
 
 class StreamFaults:
-    """Probabilities of faults, 0 for each to begin with, and what they do to frames.
+    """Probabilities of faults, initially 0, and their effect on frames.
 
-    ``drop`` loses a frame before it is sent, ``corrupt`` changes bytes of its picture, ``truncate`` ends the
-    picture half-way, the length that the part announces included.
+    ``drop`` loses a frame before it is sent, ``corrupt`` changes bytes of its picture, ``truncate`` cuts the
+    picture in half, with a matching content length.
     """
 
     KINDS = ("drop", "corrupt", "truncate")
@@ -35,11 +35,11 @@ class StreamFaults:
         self._probability[kind] = float(probability)
 
     def clear(self) -> None:
-        """End all faults; the counts stay."""
+        """Clear all faults; keep the counts."""
         self._probability = dict.fromkeys(self.KINDS, 0.0)
 
     def describe(self) -> dict[str, float]:
-        """Probabilities in force."""
+        """Return the present probabilities."""
         return dict(self._probability)
 
     def drops(self) -> bool:
@@ -47,7 +47,7 @@ class StreamFaults:
         return self._draw("drop")
 
     def disturb(self, frame: bytes) -> bytes:
-        """Draw what happens to a frame and return it as it is sent."""
+        """Apply random faults to a frame and return it as sent."""
         if self._draw("corrupt"):
             damaged = bytearray(frame)
             for _ in range(_FLIPPED_BYTES):

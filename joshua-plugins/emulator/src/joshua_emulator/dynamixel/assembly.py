@@ -1,4 +1,4 @@
-"""Puts an emulated Dynamixel bus together from its description."""
+"""Assembly of an emulated Dynamixel bus from its description."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ class DynamixelAssembly(BusAssembly[Servo]):
         return Servo(model, joint, supply, stored, on_eeprom=on_eeprom, on_torque=self.note_torque)
 
     def set_up(self, servo: Servo, servo_id: int, middle: int, half: float) -> bytes:
-        """Give a servo fresh from the factory its id and the settings of the spec. Return its EEPROM."""
+        """Configure a factory-new servo with its id and the spec. Return its EEPROM."""
         servo.put("id", servo_id)
         servo.put("baudrate", next(code for code, rate in BAUDRATES.items() if rate == self.spec.baudrate))
         servo.put("return_delay", min(254, round(self.spec.return_delay_s / 2e-6)))
-        if self.spec.arm:  # a joint is screwed on at any angle, and only this mode takes any homing offset
+        if self.spec.arm:  # horns are mounted at any angle, and only this mode accepts any homing offset
             servo.put("operating_mode", OperatingMode.EXTENDED_POSITION)
         if self.spec.calibrated:
             servo.put("homing_offset", MIDDLE - middle)
@@ -51,7 +51,7 @@ class DynamixelAssembly(BusAssembly[Servo]):
         return servo.eeprom
 
     def slot_key(self, slot: int) -> str:
-        """Place and model: a servo of another model in the same place has an EEPROM of its own."""
+        """Return slot and model: another model in the same slot has its own EEPROM."""
         return f"{slot} {self._model(slot).name}"
 
     def _model(self, slot: int) -> Model:

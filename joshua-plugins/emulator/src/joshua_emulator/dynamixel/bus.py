@@ -1,4 +1,4 @@
-"""A bus of X-series servos: hears instructions of protocol 2.0, answers with timed replies."""
+"""A bus of X-series servos: receives instructions of protocol 2.0 and sends timed replies."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from joshua_emulator.servo_bus.bus import EmulatedServoBus
 from joshua_emulator.wire import TimedReply
 
 PING_SLOT_S = (
-    0.003  # replies to a broadcast ping come by id, this far apart: what the vendor's SDK allows for
+    0.003  # replies to a broadcast ping come in id order at this interval, as the vendor's SDK expects
 )
 MULTI_TURN_KEY = b"\x01\x44\x58\x4c\x22"  # parameters of CLEAR
 
@@ -63,7 +63,7 @@ class DynamixelBus(EmulatedServoBus[Servo]):
         return self._transmit([(s, answer) for s, answer in answers if answer is not None], line_speed)
 
     def _execute(self, servo: Servo, packet: InstructionPacket, end_s: float) -> bytes | None:
-        """Carry out an instruction for one servo. Return its reply, None if it stays silent."""
+        """Execute an instruction on one servo. Return its reply, None if it does not reply."""
         servo_id, parameters = servo.servo_id, packet.parameters
         level = servo.get("status_level")
         answers = packet.servo_id != BROADCAST_ID and level == 2
@@ -95,7 +95,7 @@ class DynamixelBus(EmulatedServoBus[Servo]):
     def _read_fast(
         self, reads: list[tuple[int, int, int]], listening: list[Servo], line_speed: int, end_s: float
     ) -> Iterable[TimedReply]:
-        """One packet of all servos in turn; it breaks off before the first that does not answer."""
+        """Return one packet with the parts of all servos; it ends before the first that does not reply."""
         parts = []
         answering: list[Servo] = []
         for servo_id, address, length in reads:
@@ -126,7 +126,7 @@ def _pong(servo: Servo) -> bytes:
 
 
 def _change(servo: Servo, packet: InstructionPacket, end_s: float) -> ProtocolError:
-    """Carry out an instruction that changes something."""
+    """Execute an instruction that changes state."""
     parameters = packet.parameters
     if packet.instruction == Instruction.WRITE:
         return servo.write(_word(parameters), parameters[2:], end_s)
@@ -150,7 +150,7 @@ def _change(servo: Servo, packet: InstructionPacket, end_s: float) -> ProtocolEr
 
 
 def _reads(packet: InstructionPacket) -> Iterator[tuple[int, int, int]]:
-    """Id, address and length of each read that an instruction asks for."""
+    """Return id, address and length of each requested read."""
     parameters = packet.parameters
     if packet.instruction in (Instruction.SYNC_READ, Instruction.FAST_SYNC_READ):
         for servo_id in parameters[4:]:
@@ -161,7 +161,7 @@ def _reads(packet: InstructionPacket) -> Iterator[tuple[int, int, int]]:
 
 
 def _writes(packet: InstructionPacket) -> Iterator[tuple[int, int, bytes]]:
-    """Id, address and data of each write that an instruction asks for."""
+    """Return id, address and data of each requested write."""
     rows = packet.parameters
     if packet.instruction == Instruction.SYNC_WRITE:
         if len(rows) < 4:

@@ -1,4 +1,4 @@
-"""What may be written into a control table, and what it makes of the motor."""
+"""Rules for writes to the control table, and their effect on the motor."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _refusal(servo: Servo, register: Register, value: int) -> ProtocolError:
 
 
 def make_drive(servo: Servo) -> Drive:
-    """What the servo's controller asks of the motor while torque is on."""
+    """Return the motor command while torque is on."""
     fastest = min(servo.get("velocity_limit") * VELOCITY_TICKS_S, servo.model.rpm * TICKS_PER_TURN / 60)
     mode = servo.get("operating_mode")
     limit = servo.get("goal_pwm") / 885

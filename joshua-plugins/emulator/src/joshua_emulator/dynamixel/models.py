@@ -1,4 +1,4 @@
-"""Models of the X series as data: what differs between them.
+"""Differences between the models of the X series, as data.
 
 Source: the vendor's manual of each model, at its nominal voltage.
 """

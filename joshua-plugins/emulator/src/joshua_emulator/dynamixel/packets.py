@@ -1,7 +1,6 @@
 """Packets of protocol 2.0: ``FF FF FD 00 id length length instruction parameters… crc crc``.
 
-Behind each ``FF FF FD`` of the part from the instruction on, one more ``FD`` is sent, so that no header
-stands inside a packet.
+From the instruction onwards, ``FF FF FD`` is followed by a stuffed ``FD``, so no packet contains a header.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from enum import IntEnum
 
 HEADER = b"\xff\xff\xfd\x00"
 BROADCAST_ID = 0xFE
-OVERHEAD = 10  # bytes of an instruction packet beside its parameters
+OVERHEAD = 10  # bytes of an instruction packet without its parameters
 LARGEST_LENGTH = 1024
 
 
@@ -54,7 +53,7 @@ ALERT = 0x80  # bit of the error byte: hardware_error is not 0
 
 @dataclass(frozen=True)
 class InstructionPacket:
-    """One instruction; ``size`` counts the bytes on the line that led up to its end, noise included."""
+    """One instruction; ``size`` is the number of bytes on the line up to its end, including noise."""
 
     servo_id: int
     instruction: int
@@ -93,7 +92,7 @@ def status_packet(servo_id: int, error: int, data: bytes = b"") -> bytes:
 
 
 def fast_status_packet(parts: Iterable[tuple[int, int, bytes]], size: int) -> bytes:
-    """The reply that servos put together to a fast read: one packet, and behind each part the CRC so far.
+    """Return the joint reply to a fast read: one packet, with the running CRC after each part.
 
     Args:
         parts: id, error and data of each servo that answers; size: data bytes of all servos that were asked.
@@ -107,19 +106,19 @@ def fast_status_packet(parts: Iterable[tuple[int, int, bytes]], size: int) -> by
 
 
 class InstructionParser:
-    """Finds instruction packets in the bytes that the host sends; skips noise and broken packets."""
+    """Finds instruction packets in received bytes; skips noise and corrupt packets."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
         self._skipped = 0
 
     def clear(self) -> None:
-        """Forget an unfinished packet."""
+        """Discard a partial packet."""
         self._buffer.clear()
         self._skipped = 0
 
     def feed(self, data: bytes) -> Iterator[InstructionPacket]:
-        """Add bytes. Yields each completed packet."""
+        """Add bytes and yield each complete packet."""
         buffer = self._buffer
         buffer += data
         while True:

@@ -1,4 +1,4 @@
-"""Emulated encoders at the end of a line: a microcontroller that sends text, or AMT21s that answer."""
+"""Emulated encoders on a line: a microcontroller that sends text, or AMT21s that reply."""
 
 from __future__ import annotations
 
@@ -69,10 +69,10 @@ class EncoderDevice:
         return turned % self.resolution
 
     def reset_line(self) -> None:
-        """After a replug there is nothing to forget."""
+        """Do nothing: there is no state to reset after a replug."""
 
     def produce(self, now_s: float, line_speed: int) -> list[TimedReply]:
-        """The lines that are due."""
+        """Return the due lines."""
         if self.protocol == AMT21:
             return []
         sent = []
@@ -88,7 +88,7 @@ class EncoderDevice:
         return sent
 
     def receive(self, data: bytes, line_speed: int, now_s: float) -> list[TimedReply]:
-        """Take bytes of the host; each AMT21 answers to its address."""
+        """Process bytes from the host; each AMT21 replies to its address."""
         if self.protocol != AMT21 or line_speed != self.baudrate or self.silent:
             return []
         answers = []

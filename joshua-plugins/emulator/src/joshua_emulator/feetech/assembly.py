@@ -1,4 +1,4 @@
-"""Puts an emulated Feetech bus together from its description."""
+"""Assembly of an emulated Feetech bus from its description."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class FeetechAssembly(BusAssembly[Servo]):
         return servo
 
     def set_up(self, servo: Servo, servo_id: int, middle: int, half: float) -> bytes:
-        """Give a servo fresh from the factory its id and the settings of the spec. Return its EEPROM."""
+        """Configure a factory-new servo with its id and the spec. Return its EEPROM."""
         servo.put("id", servo_id)
         servo.put("baudrate", next(code for code, rate in BAUDRATES.items() if rate == self.spec.baudrate))
         servo.put("return_delay", min(254, round(self.spec.return_delay_s / 2e-6)))

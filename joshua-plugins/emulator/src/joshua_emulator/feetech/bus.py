@@ -1,4 +1,4 @@
-"""A bus of servos: hears instructions, answers with timed replies."""
+"""A bus of servos: receives instructions and sends timed replies."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class FeetechBus(EmulatedServoBus[Servo]):
         return self._transmit([(s, answer) for s, answer in answers if answer is not None], line_speed)
 
     def _execute(self, servo: Servo, packet: InstructionPacket, end_s: float) -> bytes | None:
-        """Carry out an instruction for one servo. Return its reply, None if it stays silent."""
+        """Execute an instruction on one servo. Return its reply, None if it does not reply."""
         servo_id = servo.servo_id
         parameters = packet.parameters
         answers = packet.servo_id != BROADCAST_ID and servo.get("status_level") == 1

@@ -19,7 +19,7 @@ class Instruction(IntEnum):
     WRITE = 0x03
     REG_WRITE = 0x04
     ACTION = 0x05
-    RESTORE = 0x06  # factory settings, but the id stays
+    RESTORE = 0x06  # factory settings, except the id
     REBOOT = 0x08
     RESET = 0x0A  # working state as after power-on
     OFFSET_CALIBRATION = 0x0B  # the present position becomes 2048, or the value of the parameters
@@ -29,7 +29,7 @@ class Instruction(IntEnum):
 
 @dataclass(frozen=True)
 class InstructionPacket:
-    """One instruction; ``size`` counts the bytes on the line that led up to its end, noise included."""
+    """One instruction; ``size`` is the number of bytes on the line up to its end, including noise."""
 
     servo_id: int
     instruction: int
@@ -49,19 +49,19 @@ def status_packet(servo_id: int, error: int, data: bytes = b"") -> bytes:
 
 
 class InstructionParser:
-    """Finds instruction packets in the bytes that the host sends; skips noise and broken packets."""
+    """Finds instruction packets in received bytes; skips noise and corrupt packets."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
         self._skipped = 0
 
     def clear(self) -> None:
-        """Forget an unfinished packet."""
+        """Discard a partial packet."""
         self._buffer.clear()
         self._skipped = 0
 
     def feed(self, data: bytes) -> Iterator[InstructionPacket]:
-        """Add bytes. Yields each completed packet."""
+        """Add bytes and yield each complete packet."""
         buffer = self._buffer
         buffer += data
         while True:

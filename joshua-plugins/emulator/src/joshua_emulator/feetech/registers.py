@@ -94,7 +94,7 @@ class Status:
 
 
 def factory_memory() -> bytearray:
-    """Memory as it leaves the factory."""
+    """Return the factory state of the memory."""
     memory = bytearray(MEMORY_SIZE)
     for register in TABLE:
         memory[register.address : register.address + register.width] = register.encode(
