@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 TICKS_PER_TURN = 4096
 STEP_S = 0.004  # longest integration step
-FRICTION = 0.08  # fraction of stall torque that the gear holds without power
+FRICTION = 0.08  # fraction of stall torque that the gear holds with torque off
 STALL_CURRENT_A = 2.7
 TEMPERATURE_TIME_CONSTANT_S = 200.0
 STALL_TEMPERATURE_RISE_K = 100.0
@@ -25,7 +25,7 @@ STALL_TEMPERATURE_RISE_K = 100.0
 
 @dataclass(frozen=True)
 class Drive:
-    """What the servo's controller asks of the motor.
+    """Command of the servo's controller to the motor.
 
     Attributes:
         mode: ``off``, ``position`` or ``speed``.
@@ -54,8 +54,8 @@ class Joint:
         self.ambient_c = 25.0
         self.temperature_c = 27.0
         self.external_load = 0.0  # fraction of stall torque that pushes the joint towards higher ticks
-        self.blocked = False  # something stops the joint where it is
-        self._object: tuple[float, int] | None = None  # where it begins, and in which direction
+        self.blocked = False  # the joint is blocked
+        self._object: tuple[float, int] | None = None  # where the object begins, and in which direction
         self.hand: Callable[[float], float] | None = None
         self._time_s: float | None = None
 
@@ -65,11 +65,11 @@ class Joint:
         return abs(self.load) * STALL_CURRENT_A
 
     def put_object(self, angle: float | None) -> None:
-        """Put something stiff in the joint's way, at a shaft angle in ticks; None takes it away."""
+        """Place a stiff object in the joint's way at a shaft angle in ticks; None removes it."""
         self._object = None if angle is None else (angle, 1 if angle >= self.angle else -1)
 
     def advance(self, now_s: float, drive: Drive) -> None:
-        """Bring the joint to a time of the monotonic clock; an earlier time changes nothing."""
+        """Advance the joint to a monotonic time; an earlier time has no effect."""
         if self._time_s is None:
             self._time_s = now_s - STEP_S
         elapsed_s = now_s - self._time_s
@@ -99,7 +99,7 @@ class Joint:
         self.load = 0.0
 
     def _step(self, step_s: float, drive: Drive) -> bool:
-        """Advance by one step; return False once nothing will change any more."""
+        """Advance by one step; return False in a steady state."""
         capacity = FRICTION + (drive.torque_limit if drive.mode != "off" else 0.0)
         if abs(self.external_load) > capacity and not self.blocked:
             return self._give_way(step_s, drive, capacity)
@@ -154,7 +154,7 @@ class Joint:
         return True
 
     def _ends(self) -> tuple[float, float]:
-        """Between which angles the joint moves, an object in its way included."""
+        """Return the range of motion, including an object in the way."""
         at, direction = self._object or (0.0, 0)
         return at if direction < 0 else self.low, at if direction > 0 else self.high
 

@@ -1,4 +1,4 @@
-"""What a user's hand does to the joints of an arm without torque."""
+"""Motions of the user's hand on the joints of an arm with torque off."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Trajectory = Callable[[float], float]  # seconds since the start to radians abou
 
 
 class MotionError(ValueError):
-    """A motion that cannot be played. The message says why and what is allowed."""
+    """An invalid motion. The message says why and what is allowed."""
 
 
 def sine(values: Mapping[str, Any], joints: Sequence[str]) -> dict[int, Trajectory]:
@@ -110,7 +110,7 @@ def recorded(values: Mapping[str, Any], joints: Sequence[str]) -> dict[int, Traj
 
 
 def ticks(position_rad: float) -> float:
-    """Ticks of a calibrated joint at an angle."""
+    """Return the ticks of a calibrated joint at an angle."""
     return MIDDLE + position_rad * TICKS_PER_RADIAN
 
 

@@ -1,4 +1,4 @@
-"""Operations of the control channel for every emulated device: its log, and its faults, now or later."""
+"""Operations of the control channel common to all emulated devices: log and faults."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ Action = Callable[[], object]
 class DeviceOperations(ABC):
     """Operations by name. ``handle`` is the control channel's handler.
 
-    A derived class puts its own into ``operations``.
+    A derived class adds its own to ``operations``.
 
     Args:
         log: of the device; rules: what each of its faults takes.
     """
 
-    #: What every fault may wait for, a time aside.
+    #: Triggers of every fault, except a time.
     when: ClassVar[Mapping[str, Number]] = {}
 
-    #: Errors whose text goes back as it is.
+    #: Errors whose text is returned unchanged.
     refusals: ClassVar[tuple[type[Exception], ...]] = ()
 
     def __init__(self, log: EventLog, rules: Mapping[str, FaultRule]) -> None:
@@ -45,10 +45,10 @@ class DeviceOperations(ABC):
 
     @abstractmethod
     def fault_action(self, kind: str, request: Request) -> Action:
-        """The action that injects a valid fault. Raises ControlError if it is refused."""
+        """Return the action that injects a valid fault. Raises ControlError if it is refused."""
 
     def handle(self, request: Request) -> dict[str, Any]:
-        """Carry out one request. Raises ControlError."""
+        """Execute one request. Raises ControlError."""
         name = request["op"]
         operation = self.operations.get(name)
         if operation is None:
@@ -65,7 +65,7 @@ class DeviceOperations(ABC):
             raise ControlError(f"{name}: a value is wrong ({error})") from error
 
     def read_log(self, request: Request) -> dict[str, Any]:
-        """Entries of the log after ``since``, of the named ``events`` only where any are named."""
+        """Return log entries after ``since``, optionally only of the named ``events``."""
         entries = self.log.since(
             int(request.get("since", 0)), request.get("events", ()), int(request.get("limit", 10_000))
         )
@@ -82,7 +82,7 @@ class DeviceOperations(ABC):
             action()
 
     def later(self, delay_s: float, action: Action) -> None:
-        """Carry something out after a delay; what is impossible by then is logged as ``refused``."""
+        """Execute an action after a delay; if it is impossible by then, log it as ``refused``."""
         impossible: tuple[type[Exception], ...] = (ControlError, OSError, *self.refusals)
 
         def carry_out() -> None:
@@ -94,7 +94,7 @@ class DeviceOperations(ABC):
         self.at(delay_s, carry_out)
 
     def lasting(self, kind: str, request: Request, begin: Action, end: Action) -> Action:
-        """A fault that ends after ``value`` seconds, or by ``end_lasting``; the last one of a kind counts."""
+        """Inject a fault until ``value`` seconds pass or ``end_lasting``; the last one of a kind applies."""
         length_s = float(request.get("value", 0.0))
 
         def start() -> None:
@@ -106,5 +106,5 @@ class DeviceOperations(ABC):
         return start
 
     def end_lasting(self) -> None:
-        """Forget when faults would have ended; the caller ends them."""
+        """Cancel the scheduled ends of faults; the caller ends them."""
         self._lasting.clear()

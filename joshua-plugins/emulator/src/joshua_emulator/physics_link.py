@@ -1,6 +1,6 @@
-"""Joints that a simulation moves: the emulated servos say what they want, the physics says where they are.
+"""Joints moved by a simulation: the servos send their commands, the physics returns the joint states.
 
-The other side and its packets are described in ``joshua_mujoco_sim.coupling``; any simulator may speak them.
+``joshua_mujoco_sim.coupling`` describes the packets; any simulator may implement them.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from pathlib import Path
 from joshua_emulator.arms import TICKS_PER_RADIAN
 from joshua_emulator.joint import Drive, Joint
 
-#: How often the servos and the physics talk.
+#: Exchange period between servos and physics.
 PERIOD_S = 0.002
 
 
 class CoupledJoint(Joint):
-    """A joint whose motion comes from elsewhere; drive, temperature and stops stay those of the servo.
+    """A joint moved by a simulation; drive, temperature and stops stay those of the servo.
 
     Args:
         middle: shaft angle in ticks at the middle of the range; low, high: its stops.
-        start_rad: where it is at first, about the middle.
+        start_rad: initial position about the middle.
 
     Attributes:
-        wanted: what the servo asks of its motor.
+        wanted: command of the servo to its motor.
     """
 
     def __init__(self, middle: float, low: float, high: float, start_rad: float = 0.0) -> None:
@@ -37,12 +37,12 @@ class CoupledJoint(Joint):
         self.wanted = Drive()
 
     def advance(self, now_s: float, drive: Drive) -> None:
-        """Take what the servo wants, and let the motor warm up; move only where a hand does."""
+        """Store the servo's command and update the heat; move only with a hand."""
         self.wanted = drive
         last_s = now_s if self._time_s is None else self._time_s
         if now_s > last_s:
             self._heat(now_s - last_s)
-            if drive.mode == "off" and self.hand is not None:  # as in a calibration, in which no physics runs
+            if drive.mode == "off" and self.hand is not None:  # as in a calibration, without physics
                 self._follow_hand(now_s, now_s - last_s)
         self._time_s = max(now_s, last_s)
 
@@ -65,7 +65,7 @@ class PhysicsLink:
         self._format = struct.Struct(f"{3 * len(self._joints)}d")
 
     def exchange(self) -> None:
-        """Say what the servos want, take what the joints did; connect where that is possible by now."""
+        """Send the servos' commands and receive the joint states; connect if possible."""
         if self._link is None:
             self._connect()
         elif not self._joined:
@@ -108,7 +108,7 @@ class PhysicsLink:
         self._link = link
 
     def _join(self, link: socket.socket) -> None:
-        """Take the answer to the introduction; the bus continues while it is on its way."""
+        """Process the reply to the registration; the bus continues until it arrives."""
         try:
             answer = json.loads(link.recv(4096))
             self._middle_rad = [float(value) for value in answer["middle_rad"]]

@@ -1,4 +1,4 @@
-"""The host's end of an emulated USB serial adapter: a pseudo-terminal under names as udev gives them."""
+"""The host side of an emulated USB serial adapter: a pseudo-terminal with udev-style names."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import tty
 from pathlib import Path
 
 VENDOR_ID = "1a86"
-PRODUCT_ID = "55d3"  # the adapter that SO-ARM100 kits carry
+PRODUCT_ID = "55d3"  # the adapter of SO-ARM100 kits
 
 _IS_LINUX = sys.platform == "linux"
 _TCGETS2 = 0x802C542A
@@ -53,7 +53,7 @@ class PtyLine:
         return self.root / "dev" / "serial" / "by-id" / name
 
     def plug(self, name: str) -> None:
-        """Bring the adapter up under a device name such as ``ttyACM0``. Raises FileExistsError."""
+        """Plug the adapter in under a device name such as ``ttyACM0``. Raises FileExistsError."""
         if (self.root / "dev" / name).exists():
             raise FileExistsError(f"{self.root / 'dev' / name}: is in use; choose another name")
         self.unplug()
@@ -109,7 +109,7 @@ class PtyLine:
 
 
 def _link(path: Path, target: str) -> None:
-    """Make a symbolic link in one step, in place of one that may be there."""
+    """Create or replace a symbolic link atomically."""
     temporary = path.with_name(f".{path.name}.new")
     temporary.unlink(missing_ok=True)
     temporary.symlink_to(target)

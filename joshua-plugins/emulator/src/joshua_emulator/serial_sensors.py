@@ -1,4 +1,4 @@
-"""The emulators of sensors with a serial link that ``--emulate`` puts in place of a file's devices."""
+"""Emulators of serial sensors that ``--emulate`` substitutes for a file's devices."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from joshua_emulator.lidar.process import EmulatedLidar
 if TYPE_CHECKING:
     from pathlib import Path
 
-#: The scanner that stands for a block without a model, by its line speed.
+#: Default scanner for a block without a model, by line speed.
 _SCANNERS = {128_000: "ydlidar_x4", 230_400: "ld19", 460_800: "rplidar_c1"}
 _USUAL_SCANNER = "rplidar_a1"
 
@@ -23,7 +23,7 @@ class SerialSensorEmulator(ProcessEmulator):
     """A sensor on a pseudo-terminal."""
 
     def amend(self, block: Message) -> None:
-        """Put the pseudo-terminal in place of the serial port."""
+        """Replace the serial port with the pseudo-terminal."""
         serial: Any = block.comm.serial  # type: ignore[attr-defined]
         for field in ("serial_number", "vid_pid"):
             serial.ClearField(field)
@@ -39,8 +39,8 @@ class LidarEmulator(SerialSensorEmulator):
     """A laser scanner in a room."""
 
     def make_process(self, block: Any, folder: Path) -> EmulatedLidar:
-        """Make the scanner of the block's model, else a usual one with the block's line speed."""
-        del folder  # a scanner remembers nothing
+        """Return a scanner of the block's model, else a default one with the block's line speed."""
+        del folder  # a scanner stores nothing
         usual = _SCANNERS.get(block.comm.serial.baudrate, _USUAL_SCANNER)
         model = block.model if block.model in MODELS else usual
         return EmulatedLidar(model, identity=self.device.node_name, fault=list(self.device.faults))
@@ -51,7 +51,7 @@ class EncoderEmulator(SerialSensorEmulator):
 
     def make_process(self, block: Any, folder: Path) -> EmulatedEncoder:
         """Make the encoders with protocol, resolution, line speed and addresses of the block."""
-        del folder  # an encoder remembers nothing
+        del folder  # an encoder stores nothing
         return EmulatedEncoder(
             block.protocol or "line",
             resolution=block.resolution,

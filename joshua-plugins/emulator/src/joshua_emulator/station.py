@@ -1,4 +1,4 @@
-"""The event loop of an emulator: bytes in, timed replies out, requests of the control channel between."""
+"""The event loop of an emulator: bytes in, timed replies out, and the control channel."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from joshua_emulator.timers import Timers, wait_s
 from joshua_emulator.wire import TimedReply
 
 READ_SIZE = 4096
-STREAM_S = 0.004  # how often a device that sends by itself is asked what it has to send
-SPIN_S = 60e-6  # the last stretch before a reply is waited for without sleeping
+STREAM_S = 0.004  # polling period of streaming devices
+SPIN_S = 60e-6  # busy-wait time before a reply
 
 
 class Bus(Protocol):
     """A bus protocol behind an emulated adapter."""
 
     def receive(self, data: bytes, line_speed: int, now_s: float) -> list[TimedReply]:
-        """Take bytes of the host. Return what the bus answers and when."""
+        """Process bytes from the host. Return the replies and their times."""
 
     def reset_line(self) -> None:
-        """Forget an unfinished packet."""
+        """Discard a partial packet."""
 
 
 class Station:
@@ -76,7 +76,7 @@ class Station:
         self.at(0.0, turn)
 
     def unplug(self) -> None:
-        """Take the adapter away; replies under way are lost."""
+        """Unplug the adapter; pending replies are lost."""
         now_s = time.monotonic()
         self._replies.clear()
         self.line.unplug()
@@ -84,7 +84,7 @@ class Station:
         self.log.add("unplug", now_s)
 
     def replug(self, name: str) -> None:
-        """Bring the adapter back under a device name."""
+        """Plug the adapter in again under a device name."""
         self.bus.reset_line()
         self.line.plug(name)
         now_s = time.monotonic()
@@ -96,11 +96,11 @@ class Station:
         return self._away_s + (0.0 if self._away_since_s is None else max(0.0, now_s - self._away_since_s))
 
     def stop(self) -> None:
-        """End ``run`` after the present turn."""
+        """End ``run`` after the present cycle."""
         self._stopped = True
 
     def close(self) -> None:
-        """Take the device names and the control socket away."""
+        """Remove the device names and the control socket."""
         self.line.unplug()
         self.control.close()
 

@@ -54,7 +54,7 @@ class SensorOperations(StationOperations):
         return self.makers[kind](request)
 
     def unplug(self, request: Request) -> Action:
-        """Take the adapter away, and bring it back after ``replug_after_s``."""
+        """Unplug the adapter, and plug it in again after ``replug_after_s``."""
         replug_after_s = float(request.get("replug_after_s", 0.0))
 
         def unplug() -> None:
@@ -65,12 +65,12 @@ class SensorOperations(StationOperations):
         return unplug
 
     def replug(self) -> None:
-        """Bring the adapter back; does nothing while it is there."""
+        """Plug the adapter in again; no effect if it is connected."""
         if not self.home.line.plugged:
             self.home.replug(self._name)
 
     def rate(self, request: Request, device: object) -> Action:
-        """Talk at another line speed, as a device of another make would."""
+        """Switch to another line speed, like a device of another make."""
         baudrate = int(request["value"])
         return lambda: setattr(device, "baudrate", baudrate)
 

@@ -1,4 +1,4 @@
-"""What the loop of an emulated device does later."""
+"""Delayed actions of an emulated device's loop."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import itertools
 import time
 from collections.abc import Callable
 
-#: No loop waits longer at a time: the system takes no time-out of years.
+#: Longest single wait, because the system accepts no timeout of years.
 LONGEST_WAIT_S = 60.0
 
 
@@ -23,7 +23,7 @@ class Timers:
         heapq.heappush(self._entries, (time.monotonic() + delay_s, next(self._order), action))
 
     def run_due(self, now_s: float) -> None:
-        """Call what is due."""
+        """Run the due actions."""
         while self._entries and self._entries[0][0] <= now_s:
             heapq.heappop(self._entries)[2]()
 

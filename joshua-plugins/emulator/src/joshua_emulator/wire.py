@@ -1,4 +1,4 @@
-"""When bytes are on the line: half duplex, 8N1, ten bits a byte."""
+"""Timing of bytes on a half-duplex line: 8N1, ten bits per byte."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class TimedReply:
 
 
 class WireClock:
-    """The time line of one half-duplex bus; all times are of the monotonic clock, in seconds."""
+    """Time line of one half-duplex bus; all times are monotonic, in seconds."""
 
     def __init__(self) -> None:
         self._free_s = 0.0

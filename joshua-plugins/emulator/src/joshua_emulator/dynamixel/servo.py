@@ -23,10 +23,10 @@ from joshua_emulator.joint import TICKS_PER_TURN, Joint
 from joshua_emulator.servo_bus.registers import Area
 from joshua_emulator.servo_bus.servo import EmulatedServo, OnEeprom, OnTorque, Supply
 
-BOOT_TIME_S = 0.05  # a servo is silent for this long after power-on
+BOOT_TIME_S = 0.05  # a servo does not reply for this long after power-on
 OVERLOAD_SHARE = 0.8  # of stall torque
 OVERLOAD_TIME_S = 1.0
-LARGEST_JOINT_OFFSET = 1024  # in position mode larger homing offsets are ignored
+LARGEST_JOINT_OFFSET = 1024  # larger homing offsets are ignored in position mode
 _FEEDBACK = (BY_NAME["hardware_error"].address, BY_NAME["realtime_tick"].address)
 
 
@@ -36,9 +36,9 @@ class Servo(EmulatedServo):
     Args:
         joint: what it moves.
         supply: what feeds it.
-        eeprom: contents of addresses 7 to 63; None for factory settings.
+        eeprom: contents of addresses 7 to 63; None means factory settings.
         on_eeprom: called with the new contents after each change.
-        on_torque: called with (servo, energised, time in s) when the motor gets or loses power.
+        on_torque: called with (servo, energised, time in s) when torque turns on or off.
     """
 
     registers = BY_NAME
@@ -64,14 +64,14 @@ class Servo(EmulatedServo):
         self._latched = 0  # hardware errors that stay until a reboot
         self._overload_s = 0.0
         self._turn = 0  # shaft angle from which positions count
-        self._take_factory_settings()  # not to be told on: what is kept of this servo is not to be replaced
+        self._take_factory_settings()  # without a report: keep the stored EEPROM
         if eeprom is not None:
             self.eeprom = eeprom
         self.power_on()
 
     @property
     def low_volts(self) -> float:
-        """Supply voltage that the servo is too weak at."""
+        """Supply voltage below which the servo reports undervoltage."""
         return self.get("min_voltage") / 10 - 1.0
 
     @property
@@ -81,7 +81,7 @@ class Servo(EmulatedServo):
 
     @property
     def alert(self) -> int:
-        """Bit of the error byte that replies carry while there is a hardware error."""
+        """Alert bit of the error byte, set while there is a hardware error."""
         return ALERT if self.memory[70] else 0
 
     @property
@@ -90,15 +90,15 @@ class Servo(EmulatedServo):
         return -1 if self.memory[10] & 1 else 1
 
     def present(self) -> int:
-        """Present position in ticks: the encoder's, counted on over turns, plus the homing offset."""
+        """Present position in ticks: the multi-turn encoder position plus the homing offset."""
         return self.direction * (round(self.joint.angle) - self._turn) + self._offset()
 
     def angle_at(self, position: float) -> float:
-        """Shaft angle of a position in ticks."""
+        """Return the shaft angle of a position in ticks."""
         return self.direction * (position - self._offset()) + self._turn
 
     def angle_of(self, position: float) -> float:
-        """Shaft angle nearest to the present one that shows as a position in ticks."""
+        """Return the nearest shaft angle that reads as a position in ticks."""
         return self.joint.angle + self.direction * (position - self.present())
 
     def read(self, address: int, length: int, now_s: float) -> tuple[ProtocolError, bytes]:
@@ -110,7 +110,7 @@ class Servo(EmulatedServo):
         return ProtocolError.NONE, bytes(self.memory[address : address + length])
 
     def write(self, address: int, data: bytes, now_s: float) -> ProtocolError:
-        """Write registers as a host does, all or none of them."""
+        """Write registers like a host, all or none of them."""
         self.advance(now_s)
         error, written = written_registers(self, address, data)
         if error:
@@ -127,7 +127,7 @@ class Servo(EmulatedServo):
         return ProtocolError.NONE
 
     def power_on(self, now_s: float | None = None) -> None:
-        """Start as after a power cut or a reboot: the EEPROM stays, torque is off, turns are forgotten."""
+        """Restart as after a power cut or reboot: EEPROM stays, torque is off, the turn count is lost."""
         for register in TABLE:
             if register.area is Area.RAM:
                 self.put(register.name, register.default)
@@ -142,7 +142,7 @@ class Servo(EmulatedServo):
         self._measure()
 
     def restore_factory_settings(self, *, keep: int = 0) -> None:
-        """Take factory settings into the EEPROM, except the first ``keep`` of id and baud rate."""
+        """Restore factory settings in the EEPROM, except the first ``keep`` of id and baud rate."""
         kept = bytes(self.memory[EEPROM_START : EEPROM_START + keep])
         self._take_factory_settings()
         self.memory[EEPROM_START : EEPROM_START + keep] = kept
@@ -154,7 +154,7 @@ class Servo(EmulatedServo):
         self.put("model_number", self.model.number)
 
     def clear_turns(self, now_s: float) -> ProtocolError:
-        """Count positions from the present turn again; refused while torque is on."""
+        """Reset the turn count; refused while torque is on."""
         if self._energised:
             return ProtocolError.RESULT_FAIL
         self.advance(now_s)
@@ -189,7 +189,7 @@ class Servo(EmulatedServo):
         return offset
 
     def _count_from_here(self) -> None:
-        """Positions are within one turn again, as after power-on; the goal is where the joint is."""
+        """Reset the turn count as after power-on, and set the goal to the present position."""
         self._turn = round(self.joint.angle) // TICKS_PER_TURN * TICKS_PER_TURN
         self.put("goal_position", self.present())
 

@@ -23,7 +23,7 @@ from joshua_emulator.servo_bus.servo import EmulatedServo, OnEeprom, OnTorque, S
 MIDDLE = 2048
 CALIBRATE_MIDDLE = 128  # value of torque_enable
 CURRENT_UNIT_A = 0.0065
-BOOT_TIME_S = 0.05  # a servo is silent for this long after power-on
+BOOT_TIME_S = 0.05  # a servo does not reply for this long after power-on
 PROTECTION_UNIT_S = 0.01
 
 #: Load per tick of error and unit of the position gain. With the factory's gain of 32, 20 to 30 ticks of
@@ -49,9 +49,9 @@ class Servo(EmulatedServo):
     Args:
         joint: what it moves.
         supply: what feeds it.
-        eeprom: contents of addresses 5 to 39; None for factory settings.
+        eeprom: contents of addresses 5 to 39; None means factory settings.
         on_eeprom: called with the new contents after each change.
-        on_torque: called with (servo, energised, time in s) when the motor gets or loses power.
+        on_torque: called with (servo, energised, time in s) when torque turns on or off.
     """
 
     registers = BY_NAME
@@ -86,7 +86,7 @@ class Servo(EmulatedServo):
 
     @property
     def low_volts(self) -> float:
-        """Supply voltage that the servo is too weak at."""
+        """Supply voltage below which the servo reports undervoltage."""
         return self.get("min_voltage") / 10 - 0.5
 
     def present(self) -> int:
@@ -100,7 +100,7 @@ class Servo(EmulatedServo):
         return bytes(self.memory[address : address + length]).ljust(length, b"\0")
 
     def write(self, address: int, data: bytes, now_s: float) -> None:
-        """Write registers as a host does: drops read-only ones, locked ones and values out of range."""
+        """Write registers like a host; ignores read-only and locked ones and values out of range."""
         self.advance(now_s)
         end = min(address + len(data), MEMORY_SIZE)
         eeprom = self.eeprom
@@ -125,10 +125,10 @@ class Servo(EmulatedServo):
         self._update_drive(now_s)
 
     def power_on(self, now_s: float | None = None) -> None:
-        """Start as after a power cut: EEPROM stays, everything else is at its default, torque is off.
+        """Restart as after a power cut: EEPROM stays, everything else is at its default, torque is off.
 
         Args:
-            now_s: when power came back; the servo is silent for a moment from then on.
+            now_s: when power returned; the servo does not reply for a short time afterwards.
         """
         for register in BY_NAME.values():
             if register.area is Area.RAM:
@@ -145,7 +145,7 @@ class Servo(EmulatedServo):
         self._measure()
 
     def restore(self, now_s: float) -> None:
-        """Take factory settings into the EEPROM; the id stays, so that the servo is found again."""
+        """Restore factory settings in the EEPROM, except the id."""
         servo_id = self.servo_id
         self.memory[EEPROM_START:EEPROM_END] = factory_memory()[EEPROM_START:EEPROM_END]
         self.memory[5] = servo_id
@@ -155,7 +155,7 @@ class Servo(EmulatedServo):
     def calibrate(self, position: int, now_s: float) -> None:
         """Set the homing offset so that the present position becomes ``position``; ignore the lock.
 
-        The register holds ±2047 ticks; an offset beyond that is cut to it.
+        The register holds ±2047 ticks; a larger offset is clipped.
         """
         self.advance(now_s)
         offset = (round(self.joint.angle) - position) % TICKS_PER_TURN
@@ -168,7 +168,7 @@ class Servo(EmulatedServo):
         self._update_drive(now_s)
 
     def trip(self, bits: int, now_s: float) -> None:
-        """Latch status bits as a protection does."""
+        """Latch status bits like a protection."""
         self.advance(now_s)
         self._faults |= bits
         self._update_drive(now_s)
@@ -199,7 +199,7 @@ class Servo(EmulatedServo):
             self._faults = 0
             self._overload_s = 0.0
         if "goal_position" in written and self.get("mode") in (0, 3):
-            self.put("torque_enable", 1)  # as measured on hardware: a new goal takes the motor under power
+            self.put("torque_enable", 1)  # as measured on hardware: a new goal enables torque
 
     def _protect(self, elapsed_s: float) -> None:
         if self.joint.temperature_c > self.get("max_temperature"):
@@ -240,7 +240,7 @@ class Servo(EmulatedServo):
         )
 
     def _retarget(self, written: Collection[str]) -> None:
-        """Work out where the shaft is to go after registers that say so were written."""
+        """Update the target of the shaft after a write to goal registers."""
         if self.get("mode") == 0:
             self._target = self.angle_of(self._limited(self.get("goal_position")))
         elif "goal_position" in written:

@@ -1,1 +1,1 @@
-"""An emulated gamepad: what the kernel would hand over, on a UNIX socket."""
+"""An emulated gamepad: the kernel's input records on a UNIX socket."""

@@ -1,4 +1,4 @@
-"""The gamepad that ``--emulate`` puts in place of the one of a file."""
+"""The gamepad that ``--emulate`` substitutes for that of a file."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from joshua_emulator.gamepad.process import EmulatedGamepad
 
 
 class GamepadEmulator(ProcessEmulator):
-    """A gamepad behind a UNIX socket, moved in place of the person who would."""
+    """A gamepad behind a UNIX socket, moved in place of the user."""
 
     def make_process(self, block: Any, folder: Path) -> EmulatedGamepad:
-        """Make the gamepad; a gamepad remembers nothing."""
+        """Return the gamepad, which stores nothing."""
         del block, folder
         return EmulatedGamepad(motion="demonstration", fault=list(self.device.faults))
 
     def amend(self, block: Message) -> None:
-        """Put the socket in place of the device."""
+        """Replace the device with the socket."""
         block.device = self._process.device  # type: ignore[attr-defined]
 
     @property

@@ -1,10 +1,10 @@
-"""What moves an emulated gamepad in place of the person who would."""
+"""Motion of an emulated gamepad in place of the user."""
 
 from __future__ import annotations
 
 import math
 
-#: Time at the beginning of each round in which nothing is touched.
+#: Idle time at the start of each round.
 REST_S = 1.0
 
 #: Length of the rest of a round.

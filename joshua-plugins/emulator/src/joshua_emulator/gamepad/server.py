@@ -1,4 +1,4 @@
-"""The event loop of an emulated gamepad: records out, requests of the control channel in."""
+"""The event loop of an emulated gamepad: input records and the control channel."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _SEND_BUFFER = 65_536
 
 
 class GamepadServer:
-    """A gamepad that reports changes at a fixed rate, and a sign of life where nothing changes.
+    """A gamepad that reports changes at a fixed rate, and a heartbeat without changes.
 
     Args:
         path: of the socket; rate_hz: of the reports; name: as the device calls itself.
@@ -54,12 +54,12 @@ class GamepadServer:
 
     @property
     def plugged(self) -> bool:
-        """Whether the gamepad can be reached."""
+        """Whether the gamepad is connected."""
         return self._listener is not None
 
     @property
     def clients(self) -> int:
-        """Programs that read it."""
+        """Number of programs that read it."""
         return len(self._clients)
 
     @property
@@ -79,7 +79,7 @@ class GamepadServer:
         self.log.add("plug", time.monotonic(), path=str(self.path))
 
     def unplug(self) -> None:
-        """Cut everybody off in the middle of a record; the path vanishes."""
+        """Disconnect all programs in the middle of a record and remove the path."""
         if self._listener is not None:
             self._listener.close()
             self._listener = None
@@ -92,17 +92,17 @@ class GamepadServer:
         self.log.add("unplug", time.monotonic())
 
     def drop_records(self) -> None:
-        """Say that records were lost, as the kernel does for a reader that was too slow."""
+        """Report lost records, like the kernel does to a slow reader."""
         self._send([(EV_SYN, 3, 0), (EV_SYN, 0, 0)])
         self.log.add("dropped", time.monotonic())
 
     def set_rate(self, rate_hz: float) -> None:
-        """Report at another rate from now on."""
+        """Change the report rate."""
         self.rate_hz = rate_hz
         self._due_s = time.monotonic() + 1 / rate_hz
 
     def stop(self) -> None:
-        """End ``run`` after the present turn."""
+        """End ``run`` after the present cycle."""
         self._stopped = True
 
     def run(self, watched: Collection[int] = ()) -> None:
@@ -127,19 +127,19 @@ class GamepadServer:
                 self.control.serve(ready)
 
     def close(self) -> None:
-        """Cut everybody off and close the control channel."""
+        """Disconnect all programs and close the control channel."""
         self.unplug()
         if self.control is not None:
             self.control.close()
 
     def _snapshot(self) -> dict[tuple[int, int], int]:
-        """What the device counts, by type and code."""
+        """Return the raw values of the device, by type and code."""
         axes = {(EV_ABS, AXES[name][0]): axis_counts(name, value) for name, value in self.axes.items()}
         return axes | {(EV_KEY, code): int(name in self.held) for name, code in BUTTONS.items()}
 
     def _report(self, now_s: float) -> None:
         self._due_s += 1 / self.rate_hz
-        if now_s > self._due_s:  # this process was stalled: those reports were never made
+        if now_s > self._due_s:  # this process was stalled: skip those reports
             self._due_s = now_s + 1 / self.rate_hz
         if self.stalled:
             return
@@ -182,7 +182,7 @@ class GamepadServer:
             with contextlib.suppress(OSError):
                 client.send(self._header())
             self._clients.append(client)
-            self._began_s = time.monotonic()  # whoever connects sees a motion from its beginning
+            self._began_s = time.monotonic()  # a new client sees a motion from its start
             self.log.add("connect", time.monotonic())
 
     def _header(self) -> bytes:

@@ -1,4 +1,4 @@
-"""What an Xbox controller has, as the kernel's driver says, and the names of it all."""
+"""Controls of an Xbox controller, as reported by the kernel's driver, and their names."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Emulated laser scanners in a room with things in it."""
+"""Emulated laser scanners in a furnished room."""

@@ -1,4 +1,4 @@
-"""Faults on a scanner's line: packets lost, bytes changed, noise before what comes next."""
+"""Faults on a scanner's line: lost packets, changed bytes, noise before the next packet."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any
 
 
 class LineFaultError(ValueError):
-    """A fault that does not exist or has a wrong value. The message lists what is allowed."""
+    """An unknown fault or an invalid value. The message lists what is allowed."""
 
 
 class LineFaults:
-    """Probabilities of faults, 0 for each to begin with.
+    """Probabilities of faults, initially 0.
 
     ``drop`` loses a packet; ``corrupt`` changes a byte: it is the probability of each byte.
     """
@@ -36,12 +36,12 @@ class LineFaults:
         self._noise = self._random.randbytes(noise_bytes)
 
     def clear(self) -> None:
-        """End all faults; the counts stay."""
+        """Clear all faults; keep the counts."""
         self._probability = dict.fromkeys(self.KINDS, 0.0)
         self._noise = b""
 
     def describe(self) -> dict[str, float]:
-        """Probabilities in force."""
+        """Return the present probabilities."""
         return dict(self._probability)
 
     def drops(self) -> bool:
@@ -51,7 +51,7 @@ class LineFaults:
         return lost
 
     def disturb(self, packet: bytes) -> bytes:
-        """Draw what happens to a packet and return it as it is sent."""
+        """Apply random faults to a packet and return it as sent."""
         if self._noise:
             packet, self._noise = self._noise + packet[len(packet) // 2 :], b""
         share = self._probability["corrupt"]

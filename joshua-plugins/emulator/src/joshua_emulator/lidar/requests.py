@@ -1,4 +1,4 @@
-"""What a host asks of a scanner: requests out of bytes, and the answers."""
+"""Requests of a host to a scanner, parsed from bytes, and the replies."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SERIAL_NUMBER = bytes.fromhex("4a4f53485541454d554c415445443031")
 
 
 class Request(NamedTuple):
-    """A request: its command byte and what came with it."""
+    """A request: its command byte and its payload."""
 
     command: int
     payload: bytes
@@ -40,11 +40,11 @@ class RequestReader:
         self._buffer = b""
 
     def clear(self) -> None:
-        """Forget an unfinished request."""
+        """Discard a partial request."""
         self._buffer = b""
 
     def take(self, data: bytes) -> list[Request]:
-        """Add bytes. Return the requests that are complete with them."""
+        """Add bytes; return the requests that they complete."""
         buffer = self._buffer + data
         requests = []
         while True:

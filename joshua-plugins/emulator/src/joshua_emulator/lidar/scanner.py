@@ -1,4 +1,4 @@
-"""An emulated scanner: what it sends by itself, and what it does when it is asked."""
+"""An emulated scanner: its stream and its replies to requests."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Scanner:
     """One scanner at the end of a line.
 
     Attributes:
-        baudrate: at which it talks; a host that listens at another one hears noise.
-        silent: sends nothing, though it turns.
+        baudrate: line speed; a host at another speed receives noise.
+        silent: sends nothing although it turns.
         health: of an RPLIDAR: 0 good, 1 warning, 2 error; old_firmware: it knows no express scan.
         motor: whether the motor is on.
     """
@@ -52,7 +52,7 @@ class Scanner:
 
     @property
     def scanning(self) -> bool:
-        """Whether it sends measurements."""
+        """Whether it is sending measurements."""
         return self._stream is not None
 
     def set_turn_hz(self, turn_hz: float) -> None:
@@ -62,7 +62,7 @@ class Scanner:
             self._stream.turn_hz = turn_hz
 
     def reset_line(self) -> None:
-        """After a replug a scanner without power begins again."""
+        """Restart after a replug, which cuts the power."""
         self._reader.clear()
         if self.model.waits:
             self._stop()
@@ -81,13 +81,13 @@ class Scanner:
         return sent
 
     def receive(self, data: bytes, line_speed: int, now_s: float) -> list[TimedReply]:
-        """Take bytes of the host."""
+        """Process bytes from the host."""
         if line_speed != self.baudrate:
             return []
         if self.model.protocol == "lds01":
             return self._receive_letters(data, now_s)
         if not self.model.waits:
-            return []  # its line goes one way
+            return []  # its line is one-way
         answers = []
         for request in self._reader.take(data):
             self.log.add("request", now_s, command=request.command, payload=request.payload.hex())

@@ -1,4 +1,4 @@
-"""What a turning scanner sends: its packets in order, each with the time of its last measurement."""
+"""Streams of a turning scanner: its packets in order, each with the time of its last measurement."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What the emulated servo buses of all families have in common."""
+"""Common parts of all emulated servo buses."""

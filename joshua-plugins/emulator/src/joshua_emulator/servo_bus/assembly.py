@@ -1,4 +1,4 @@
-"""Puts an emulated servo bus together from its description."""
+"""Assembly of an emulated servo bus from its description."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from joshua_emulator.servo_bus.bus import EmulatedServoBus, ServoT
 from joshua_emulator.servo_bus.operations import Operations
 from joshua_emulator.station import Station
 
-FREE_HALF_RANGE = 2040.0  # ticks to either side, for servos that are no arm
+FREE_HALF_RANGE = 2040.0  # ticks to either side, for servos that are not an arm
 
 NoteTorque = Callable[[Any, bool, float], None]
 
 
 class SpecError(ValueError):
-    """A description that no bus fits. The message says what is allowed."""
+    """An invalid description of a bus. The message says what is allowed."""
 
 
 @dataclass(frozen=True)
 class BusSpec:
-    """What a servo bus is to look like.
+    """Description of a servo bus.
 
     Attributes:
         ids: bus ids in cable order.
@@ -109,14 +109,14 @@ class BusAssembly(ABC, Generic[ServoT]):
 
     @abstractmethod
     def set_up(self, servo: ServoT, servo_id: int, middle: int, half: float) -> bytes:
-        """Give a servo fresh from the factory its id and the settings of the spec. Return its EEPROM.
+        """Configure a factory-new servo with its id and the spec. Return its EEPROM.
 
         Args:
             middle: encoder tick at the middle of the joint's range; half: half of that range in ticks.
         """
 
     def slot_key(self, slot: int) -> str:
-        """What the EEPROM of a servo is kept under."""
+        """Return the storage key of a servo's EEPROM."""
         return str(slot)
 
     @property
@@ -127,12 +127,12 @@ class BusAssembly(ABC, Generic[ServoT]):
         return [joint.name for joint in arm][: len(numbered)] + numbered[len(arm) :]
 
     def close(self) -> None:
-        """Take the device names and the control socket away."""
+        """Remove the device names and the control socket."""
         self.station.line.unplug()
         self.station.control.close()
 
     def note_torque(self, servo: ServoT, energised: bool, now_s: float) -> None:
-        """Log that a motor got or lost power."""
+        """Log that torque of a motor turned on or off."""
         # the drive can change a little ahead of the clock, at the end of a request that is still on the line
         self.log.add("torque", max(now_s, time.monotonic()), id=servo.servo_id, on=energised)
 
@@ -163,14 +163,14 @@ class BusAssembly(ABC, Generic[ServoT]):
         def turn() -> None:
             self.station.at(PERIOD_S, turn)
             now_s = time.monotonic()
-            for servo in servos:  # so that the joints know what a silent bus was told last
+            for servo in servos:  # so that the joints follow the last command before a pause on the bus
                 servo.advance(now_s)
             link.exchange()
 
         self.station.at(0.0, turn)
 
     def _extra_servo(self, bus: EmulatedServoBus[ServoT], servo_id: int) -> ServoT:
-        """A stranger on the cable: another position and temperature than the servo whose id it shares."""
+        """Create a servo with a duplicate id, at another position and temperature."""
         servo = self.make_servo(0, Joint(1000.0, 0.0, 4095.0))
         servo.put("id", servo_id)
         servo.put("baudrate", bus.servos[0].get("baudrate"))

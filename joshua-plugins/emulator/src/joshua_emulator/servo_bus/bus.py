@@ -1,4 +1,4 @@
-"""A half-duplex bus of servos: who hears, when replies are on the line, and what spoils them."""
+"""A half-duplex bus of servos: recipients, timing of replies, and line faults."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from joshua_emulator.faults import Faults
 from joshua_emulator.servo_bus.servo import EmulatedServo
 from joshua_emulator.wire import TimedReply, WireClock
 
-SPEED_TOLERANCE = 0.03  # a UART still reads bytes whose speed is off by this share
+SPEED_TOLERANCE = 0.03  # a UART tolerates this relative error of the line speed
 
 ServoT = TypeVar("ServoT", bound=EmulatedServo)
 
@@ -22,33 +22,33 @@ class Packet(Protocol):
 
     @property
     def servo_id(self) -> int:
-        """Whom it is for."""
+        """Id of the recipient."""
 
     @property
     def instruction(self) -> int:
-        """Its number."""
+        """Number of the instruction."""
 
     @property
     def parameters(self) -> bytes:
-        """What it carries."""
+        """Parameters."""
 
     @property
     def size(self) -> int:
-        """Bytes on the line."""
+        """Number of bytes on the line."""
 
 
 class Parser(Protocol):
-    """Finds instructions in the bytes that the host sends."""
+    """Finds instructions in received bytes."""
 
     def feed(self, data: bytes) -> Iterator[Packet]:
-        """Add bytes. Yields each completed packet."""
+        """Add bytes and yield each complete packet."""
 
     def clear(self) -> None:
-        """Forget an unfinished packet."""
+        """Discard a partial packet."""
 
 
 class EmulatedServoBus(ABC, Generic[ServoT]):
-    """Servos on one cable, nearest to the adapter first; a protocol says what bytes mean."""
+    """Servos on one cable, nearest to the adapter first; subclasses implement the protocol."""
 
     #: Finds the packets of the protocol in what the host sends.
     make_parser: ClassVar[type[Parser]]
@@ -60,7 +60,7 @@ class EmulatedServoBus(ABC, Generic[ServoT]):
         self, servos: Sequence[ServoT], log: EventLog, faults: Faults, *, echo: bool = False
     ) -> None:
         self.servos = list(servos)
-        self.connected = len(self.servos)  # servos before the place where the cable is broken
+        self.connected = len(self.servos)  # servos before the break of the cable
         self.parser = self.make_parser()
         self._log = log
         self._faults = faults
@@ -79,14 +79,14 @@ class EmulatedServoBus(ABC, Generic[ServoT]):
     def _answer(
         self, packet: Any, listening: list[ServoT], line_speed: int, end_s: float
     ) -> Iterable[TimedReply]:
-        """Carry out an instruction that ``listening`` hear at ``end_s``; return their replies."""
+        """Execute an instruction that ``listening`` receive at ``end_s``; return their replies."""
 
     def reset_line(self) -> None:
-        """Forget an unfinished packet, as a fresh connection does."""
+        """Discard a partial packet, as for a new connection."""
         self.parser.clear()
 
     def receive(self, data: bytes, line_speed: int, now_s: float) -> list[TimedReply]:
-        """Take bytes of the host, sent at ``line_speed`` bit/s. Return what the bus answers and when."""
+        """Process bytes sent at ``line_speed`` bit/s. Return the replies and their times."""
         listening = [
             servo for servo in self.servos[: self.connected] if self._hears(servo, line_speed, now_s)
         ]

@@ -21,7 +21,7 @@ from joshua_emulator.servo_bus.servo import EmulatedServo
 from joshua_emulator.servo_bus.watched_hand import WatchedTime
 from joshua_emulator.station_operations import StationOperations
 
-#: How often a fault that waits for a number of reads looks how many there were.
+#: Polling period of a fault that waits for a number of reads.
 READS_LOOKED_AT_S = 0.005
 
 _SERVO = Number("a servo id", 0, 253, whole=True)
@@ -83,7 +83,7 @@ class Operations(StationOperations):
         }
 
     def _servos(self, request: Request) -> list[EmulatedServo]:
-        """Servos that a request names by ``slot`` (cable order from 0), by ``id``, or all of them."""
+        """Return the servos that a request names by ``slot`` (cable order from 0) or ``id``, or all."""
         if "slot" in request:
             slot = request["slot"]
             if not 0 <= slot < len(self._bus.servos):
@@ -139,7 +139,7 @@ class Operations(StationOperations):
             servo.put(name, value)
 
     def _calibration(self, request: Request) -> dict[str, Any]:
-        """Calibration of the arm as its EEPROM holds it, in the fields of a calibration block."""
+        """Return the arm's calibration from its EEPROM, in the fields of a calibration block."""
         motors = [
             {
                 "id": servo.servo_id,
@@ -194,7 +194,7 @@ class Operations(StationOperations):
             servo.joint.hand = None if path is None else _hand(servo, path, start_s)
 
     def _guide(self, request: Request) -> None:
-        """Move the joints as a calibration asks: ``slot`` through its range, or all to their middles."""
+        """Move the joints for a calibration: ``slot`` through its range, or all to their middles."""
         start_s = time.monotonic()
         servos = self._bus.servos[: len(self._names)]
         for servo in servos:
@@ -260,7 +260,7 @@ class Operations(StationOperations):
             self.later(READS_LOOKED_AT_S, lambda: self._after_reads(count, action))
 
     def fault_action(self, kind: str, request: Request) -> Action:
-        """What brings a fault about. Raises ControlError if it is refused."""
+        """Return the action that injects a fault. Raises ControlError if it is refused."""
         if kind in Faults.KINDS:
             values = {kind: request["value"]}
             if "late_by_s" in request:
@@ -279,7 +279,7 @@ class Operations(StationOperations):
             "under_voltage": lambda: self._each(self._servos(servo_id), _starve),
         }
         if servo_id:
-            self._servos(servo_id)  # refuse an unknown id now, not when its time has come
+            self._servos(servo_id)  # reject an unknown id now, not when the fault is due
         return actions[kind]
 
     def _clear_faults(self, _: Request) -> None:

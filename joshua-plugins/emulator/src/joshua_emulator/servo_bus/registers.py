@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class Area(Enum):
-    """Where a register lives, which decides who may write it and what a power cut leaves."""
+    """Memory area of a register, which determines write access and persistence."""
 
     VERSION = "version"  # read-only
     EEPROM = "eeprom"  # kept without power; a lock keeps it from being written

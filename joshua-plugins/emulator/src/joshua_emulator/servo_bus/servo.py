@@ -1,4 +1,4 @@
-"""What an emulated servo is to its bus and to the control channel."""
+"""Interface of an emulated servo to its bus and the control channel."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class EmulatedServo(ABC):
 
     Args:
         on_eeprom: called with the new contents of the EEPROM after each change.
-        on_torque: called with (servo, energised, time in s) when the motor gets or loses power.
+        on_torque: called with (servo, energised, time in s) when torque turns on or off.
 
     Attributes:
         joint: what it moves; supply: what feeds it.
-        silent, silent_until_s: it does not answer, at all or until a time of the monotonic clock.
+        silent, silent_until_s: does not reply, at all or until a monotonic time.
     """
 
     #: Registers by name.
@@ -74,7 +74,7 @@ class EmulatedServo(ABC):
         self.memory[register.address : register.address + register.width] = raw
 
     def angle_of(self, position: float) -> float:
-        """Shaft angle nearest to the present one that shows as a position in ticks."""
+        """Return the nearest shaft angle that reads as a position in ticks."""
         return self.joint.angle + (position - self.present())
 
     @property
@@ -116,14 +116,14 @@ class EmulatedServo(ABC):
     @property
     @abstractmethod
     def low_volts(self) -> float:
-        """Supply voltage that the servo is too weak at."""
+        """Supply voltage below which the servo reports undervoltage."""
 
     @abstractmethod
     def present(self) -> int:
         """Present position in ticks, as the host reads it."""
 
     def advance(self, now_s: float) -> None:
-        """Bring joint, protections and feedback registers to a time of the monotonic clock."""
+        """Advance joint, protections and feedback registers to a monotonic time."""
         if self._time_s is None:
             self._time_s = now_s
         elapsed_s = max(0.0, now_s - self._time_s)
@@ -134,14 +134,14 @@ class EmulatedServo(ABC):
 
     @abstractmethod
     def _protect(self, elapsed_s: float) -> None:
-        """Look at heat, load and voltage after a time."""
+        """Check temperature, load and voltage after a period."""
 
     @abstractmethod
     def _measure(self) -> None:
         """Fill the feedback registers."""
 
     def _set_drive(self, drive: Drive | None, now_s: float) -> None:
-        """What the motor does from now on; None takes its power."""
+        """Set the motor command; None disables torque."""
         self._drive = Drive() if drive is None else drive
         energised = drive is not None
         if energised != self._energised:
@@ -150,10 +150,10 @@ class EmulatedServo(ABC):
 
     @abstractmethod
     def power_on(self, now_s: float | None = None) -> None:
-        """Start as after a power cut.
+        """Restart as after a power cut.
 
         Args:
-            now_s: when power came back; the servo is silent for a moment from then on.
+            now_s: when power returned; the servo does not reply for a short time afterwards.
         """
 
     @abstractmethod

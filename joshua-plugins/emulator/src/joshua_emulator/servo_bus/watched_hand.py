@@ -1,24 +1,24 @@
-"""The time of a hand that waits for the eye: it moves a joint only as fast as somebody looks at it."""
+"""Time base of a hand that moves a joint only as fast as the joint is read."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-#: How far the hand continues from one look to the next; shorter than its rest at the ends of a range.
+#: Longest motion between two reads; shorter than the rest at the ends of a range.
 LOOK_S = 0.02
 
 
 class WatchedTime:
     """Turns the clock into the time of a hand that was asked to move a joint through its range.
 
-    Whoever calibrates must see every part of the way, as a person sees to it. So the hand rests while the bus
-    is not read, however long the reader or this program stands still; while the adapter is unplugged it
-    continues. Before the first read every look counts, such as one over the control channel.
+    A calibration must see the whole motion. The hand therefore pauses while the bus is not read, even if the
+    reader or this program stalls, but continues while the adapter is unplugged. Before the first read any
+    query counts, such as one over the control channel.
 
     Args:
         now_s: when the hand starts.
         reads: how often the bus was read so far.
-        unplugged_s: how long the adapter was away in all, up to a time.
+        unplugged_s: returns the total time unplugged up to a time.
     """
 
     def __init__(self, now_s: float, reads: Callable[[], int], unplugged_s: Callable[[float], float]) -> None:
