@@ -64,7 +64,7 @@ class DeviceCapture(Capture):
         size = applied[1]
         if not size.kept:
             raise self._refuse(
-                f"does not offer {size.asked}, it delivers {size.found}",
+                f"does not offer {size.asked}, it gives {size.found}",
                 f"set width and height to a size that it offers: {self._sizes()}",
             )
         if applied[0].found in _JPEG_CODES:

@@ -116,7 +116,7 @@ def resolve(endpoint: Endpoint) -> PortEntry:
         numbers = {port.serial_number for port in fitting}
         which = "serial_number" if len(numbers) == len(fitting) else "port"
         raise PortNotFound(
-            f"{endpoint}: {len(fitting)} adapters match, the file must name one: {_listing(fitting)}. "
+            f"{endpoint}: {len(fitting)} adapters fit, the file must name one: {_listing(fitting)}. "
             f"Give {which} as well, or unplug the others."
         )
     raise PortNotFound(

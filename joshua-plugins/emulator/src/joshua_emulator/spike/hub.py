@@ -18,7 +18,7 @@ from joshua_emulator.spike.runner import ProgramRunner
 MAX_WRITE_SIZE = 155
 MAX_PROGRAM_SIZE = 258_048
 STDIN_SIZE = 512
-STDOUT_CHUNK = 19  # bytes in one notification, as firmware with 20-byte characteristics sends them
+STDOUT_CHUNK = 19  # bytes per notification, as sent by firmware with 20-byte characteristics
 REPL = 0b001
 FEATURES = 0b111  # also multi-file .mpy 6, and .mpy 6.1 with native code
 BATTERY_LOW, LOW_MV = 1 << 0, 6_800
@@ -60,7 +60,7 @@ class HubFirmware:
 
     Args:
         motors: by port letter.
-        log: of what happened.
+        log: of events.
     """
 
     def __init__(self, motors: Mapping[str, EmulatedMotor], log: EventLog) -> None:
@@ -93,7 +93,7 @@ class HubFirmware:
         return struct.pack("<BIBB", Event.STATUS, flags, 0, 0)
 
     def command(self, data: bytes) -> Answer:
-        """Carry out what was written to the command characteristic."""
+        """Execute a write to the command characteristic."""
         if not data or data[0] not in Command.__members__.values():
             return Answer.INVALID
         command, payload = Command(data[0]), data[1:]
@@ -112,13 +112,13 @@ class HubFirmware:
         return Answer.OK
 
     def run(self, blob: bytes) -> None:
-        """Start a program that was in the hub before."""
+        """Start a program that is already on the hub."""
         self._ram[: len(blob)] = blob
         self._size = len(blob)
         self._start()
 
     def stop_program(self) -> None:
-        """End the program, as the button of the hub does."""
+        """End the program, like the button of the hub."""
         if self._runner is not None:
             self._runner.close()
             self._ended(b"The program was stopped (SystemExit).\r\n")

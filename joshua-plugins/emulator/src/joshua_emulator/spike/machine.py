@@ -18,14 +18,14 @@ from joshua_emulator.spike.motors import EmulatedMotor
 from joshua_emulator.spike.radio import Radio
 
 HOST = "127.0.0.1"
-#: Where the shafts stand at first, degrees, one port after the other.
+#: Initial angles of the shafts in degrees, by port.
 FIRST_ANGLES_DEG = (12, -25, 40, -8, 5, -33)
-#: How far a hand turns a shaft to both sides of that, where a calibration asks for its range.
+#: How far a hand turns a shaft to both sides of that for a calibration.
 REACH_DEG = 100.0
 
 
 class HubMachine:
-    """One hub in one process; it runs on an event loop of its own.
+    """One hub in one process, with its own event loop.
 
     Args:
         name: under which the hub advertises; ports: letters of the ports with motors.
@@ -77,14 +77,14 @@ class HubMachine:
         self.soon(call())
 
     def start_motion(self, values: Mapping[str, Any]) -> None:
-        """A hand turns the shafts to and fro about where they stood at first. Raises MotionError."""
+        """Turn the shafts back and forth about their initial angles. Raises MotionError."""
         paths = sine(values, list(self.motors))
         start_s = time.monotonic()
         for index, (port, motor) in enumerate(self.motors.items()):
             motor.hand(_degrees(paths[index], _first_angle(port), start_s))
 
     def guide(self, joint: int | None, seconds: float) -> None:
-        """A hand moves the shafts as a calibration asks. Raises MotionError."""
+        """Move the shafts for a calibration. Raises MotionError."""
         reach = math.radians(REACH_DEG)
         present = [
             math.radians(motor.absolute_deg - _first_angle(port)) for port, motor in self.motors.items()
@@ -105,7 +105,7 @@ class HubMachine:
         self._loop.call_soon_threadsafe(lambda: None)
 
     def close(self) -> None:
-        """Tidy up."""
+        """Release all resources."""
         self.hub.close()
         self._loop.run_until_complete(self.radio.close())
         if self.control is not None:

@@ -1,4 +1,4 @@
-"""The motors on the ports of an emulated hub: degrees, as Pybricks counts them, over the shared mechanics."""
+"""The motors on the ports of an emulated hub, in Pybricks' degrees, on the shared mechanics."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class EmulatedMotor:
 
     Args:
         angle_deg: of the shaft against its mark, as the absolute encoder sees it.
-        device: the id that the firmware knows the motor by.
+        device: device id in the firmware.
     """
 
     def __init__(self, angle_deg: float = 0.0, device: int = SPIKE_MEDIUM_MOTOR) -> None:
@@ -45,7 +45,7 @@ class EmulatedMotor:
 
     @property
     def blocked(self) -> bool:
-        """Whether something stops the shaft where it is."""
+        """Whether the shaft is blocked."""
         return self._joint.blocked
 
     @blocked.setter
@@ -70,26 +70,26 @@ class EmulatedMotor:
         return (self._joint.angle / TICKS_PER_DEGREE + 180.0) % 360.0 - 180.0
 
     def take(self) -> None:
-        """A program makes its ``Motor``: turns are forgotten, the angle is the absolute one."""
+        """Reset to the absolute angle, as when a program creates its ``Motor``."""
         self._advance()
         absolute = self.absolute_deg
         self._offset_deg = self._joint.angle / TICKS_PER_DEGREE - absolute
 
     def stop(self) -> None:
-        """Let go."""
+        """Release the shaft."""
         self._set(OFF)
 
     def hold(self) -> None:
-        """Stay where it is, with torque."""
+        """Hold the present angle with torque."""
         self._advance()
         self._set(replace(POWERED, target=self._joint.angle))
 
     def track(self, angle_deg: int) -> None:
-        """Go to an angle."""
+        """Move to an angle."""
         self._set(replace(POWERED, target=(angle_deg + self._offset_deg) * TICKS_PER_DEGREE))
 
     def hand(self, motion: Callable[[float], float] | None) -> None:
-        """A hand moves the shaft while it has no torque: monotonic seconds to degrees against the mark."""
+        """Move the shaft by hand while torque is off: monotonic seconds to degrees against the mark."""
         self._advance()
         if motion is None:
             self._joint.hand = None

@@ -17,7 +17,7 @@ _FIRMWARES = ("lego", "old", "pybricks")
 
 
 def fault_rules(ports: Sequence[str]) -> dict[str, FaultRule]:
-    """What each fault of a hub with motors on these ports takes."""
+    """Return the fault rules of a hub with motors on these ports."""
     port = FaultRule(Text(", ".join(ports), "|".join(ports)))
     return {
         **dict.fromkeys(("stall", "motor_off", "sensor"), port),
@@ -112,7 +112,7 @@ class HubOperations(DeviceOperations):
         self._machine.guide(slot, float(request["seconds"]))
 
     def fault(self, request: Request) -> None:
-        """Inject a fault; ``replug_after_s`` later the hub is on and near again."""
+        """Inject a fault; after ``replug_after_s`` the hub is on and in range again."""
         super().fault(request)
         if back_s := float(request.get("replug_after_s", 0.0)):
             self.later(float(request.get("at_s", 0.0)) + back_s, self._machine.on)
@@ -130,7 +130,7 @@ class HubOperations(DeviceOperations):
         return lambda: self._machine.on_loop(lambda: self._machine.hub.run(blob))
 
     def _clear_faults(self, _: Request) -> None:
-        """End all faults that can end; the battery is full again."""
+        """Clear all faults that can be cleared; the battery is full again."""
         machine = self._machine
         for motor in machine.motors.values():
             motor.blocked, motor.attached, motor.device = False, True, EmulatedMotor().device

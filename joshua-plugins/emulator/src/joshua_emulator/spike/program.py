@@ -1,4 +1,4 @@
-"""What lies in the user RAM of an emulated hub: taken apart and looked at as the firmware would."""
+"""Content of an emulated hub's user RAM, parsed and checked like the firmware does."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from pathlib import Path
 MPY_MAGIC, MPY_VERSION = ord("M"), 6
 SMALL_INT_BITS = 31
 MAIN = "__main__"
-#: A program that somebody else has left on the hub.
+#: A foreign program on the hub.
 OTHER_PROGRAM = Path(__file__).with_name("firmware") / "other_program.mpy"
 
 
 class ProgramError(Exception):
-    """The firmware cannot run what was uploaded; the text is what it would print."""
+    """The firmware cannot run the upload. The message is what it would print."""
 
 
 def unpack(blob: bytes) -> dict[str, bytes]:

@@ -1,7 +1,6 @@
 """The radio of an emulated hub: Pybricks' GATT services on a virtual controller, and adapters over TCP.
 
-Whoever connects to the TCP port gets a Bluetooth adapter of his own, which speaks HCI and shares the air with
-the hub.
+Each connection to the TCP port is a separate Bluetooth adapter with HCI, in range of the hub.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ REMOTE_TERMINATED, CONNECTION_TIMEOUT = 0x13, 0x08
 
 
 class Air(LocalLink):
-    """The air between controllers; data takes until the next connection event where there is an interval."""
+    """The air between controllers; with an interval, data waits for the next connection event."""
 
     def __init__(self) -> None:
         super().__init__()  # type: ignore[no-untyped-call]
@@ -85,11 +84,11 @@ class HciSink:
 
 
 class Radio:
-    """The hub's radio, and the adapters of those who look for it.
+    """The hub's radio, and the virtual adapters of its hosts.
 
     Args:
         name: under which the hub advertises.
-        hub: the firmware that is spoken to.
+        hub: the firmware.
         listener: a bound socket on loopback for hosts of virtual adapters.
     """
 
@@ -101,7 +100,7 @@ class Radio:
         self.hub = hub
         self.air = Air()
         self.firmware = "pybricks"  # or old, which knows no .mpy 6; or lego, with another service
-        self.flaky = 0  # connections that are lost as soon as they stand
+        self.flaky = 0  # connections that are lost at once
         self._listener = listener
         self._log = log
         self._device: Device | None = None
@@ -115,7 +114,7 @@ class Radio:
         self._subscribed = False
 
     async def start(self) -> None:
-        """Switch the radio on and listens for hosts."""
+        """Switch the radio on and listen for hosts."""
         self._server = await asyncio.start_server(self._serve_adapter, sock=self._listener)
         await self._make_device()
         self._keep(self._report_status())
