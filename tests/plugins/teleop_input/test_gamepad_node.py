@@ -219,7 +219,7 @@ def test_without_a_state_of_the_arm_nothing_is_sent(start: Start, pad: EmulatedG
     time.sleep(0.6)
     context.tick("help")
     assert sent(context) == []
-    assert context.shown == "driving waits for a joint state of the arm"
+    assert context.shown == "driving waiting for a joint state of the arm"
 
 
 def test_a_state_without_the_joint_names_those_that_it_has(start: Start, pad: EmulatedGamepad) -> None:

@@ -170,7 +170,7 @@ class InputNode(NodeBehaviour):
         if waits:
             self._waiting_since_s = self._waiting_since_s or now_s
             if now_s - self._waiting_since_s > 0.5:
-                state = "waits for a joint state of the arm"
+                state = "waiting for a joint state of the arm"
         else:
             self._waiting_since_s = None
         if state != self._shown:
