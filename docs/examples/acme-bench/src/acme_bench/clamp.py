@@ -47,12 +47,12 @@ class Clamp(Actuator):
         )
 
     def enable(self) -> None:
-        """Switch torque on where the joint is: the goal first."""
+        """Enable torque with the goal at the present position, which is set first."""
         self.hold()
         self._torque = ask(self._port, "T1").torque
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
-        """Command a position and return it after the clamp."""
+        """Command a position and return it after clamping."""
         self.require_connected("write")
         position = self.limits.clip(self.checked_goal(goal_rad))
         if not self._torque:
@@ -61,12 +61,12 @@ class Clamp(Actuator):
         return position
 
     def hold(self) -> None:
-        """Stop where the joint is."""
+        """Stop at the present position."""
         self.require_connected("hold")
         ask(self._port, goal(ask(self._port, "S").position_rad))
 
     def release(self) -> None:
-        """Switch torque off; does nothing on a closed device."""
+        """Disable torque; no effect on a closed device."""
         if self.connected:
             self._torque = ask(self._port, "T0").torque
 

@@ -1,4 +1,4 @@
-"""Both devices on pseudo-terminals: what ``--emulate`` starts in place of the hardware.
+"""Both devices on pseudo-terminals, started by ``--emulate`` in place of the hardware.
 
 An emulator speaks the device's own protocol, so the driver runs unchanged. It is a process of its own, which
 ends when its standard input closes: with the run that started it, even if that is killed.
@@ -21,7 +21,7 @@ SPEED_RAD_S = 2.0
 
 
 class BenchEmulator(DeviceEmulator):
-    """The process that stands for the device of a block."""
+    """The process that emulates the device of a block."""
 
     _process: subprocess.Popen[str] | None = None
     _port = "emulated"
@@ -66,7 +66,7 @@ class RangeFirmware:
         return b"R %05d\n" % (500 + int(now_s * 50) % 20)
 
     def answer(self, request: bytes, now_s: float) -> bytes:
-        """It takes no requests."""
+        """Do nothing: it accepts no requests."""
         return b""
 
 
@@ -81,7 +81,7 @@ class ClampFirmware:
         self._moved_s = time.monotonic()
 
     def tick(self, now_s: float) -> bytes:
-        """It sends nothing by itself."""
+        """Return nothing: it does not stream."""
         return b""
 
     def answer(self, request: bytes, now_s: float) -> bytes:

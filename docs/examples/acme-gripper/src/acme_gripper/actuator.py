@@ -34,12 +34,12 @@ class Gripper(Actuator):
         )
 
     def enable(self) -> None:
-        """Give torque, with the goal where the finger is."""
+        """Enable torque with the goal at the present position."""
         self.hold()
         self._energised = True
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
-        """Command a position; return it after the clamp."""
+        """Command a position; return it after clamping."""
         goal = self.limits.clip(self.checked_goal(goal_rad))
         if not self._energised:
             raise DeviceError("the gripper has no torque: call enable first")
@@ -48,13 +48,13 @@ class Gripper(Actuator):
         return goal
 
     def hold(self) -> None:
-        """Stop where the finger is."""
+        """Stop at the present position."""
         self.require_connected("hold")
         self._move()
         self._goal = self._position
 
     def release(self) -> None:
-        """Take torque off."""
+        """Disable torque."""
         self._energised, self._goal = False, self._position
 
     def disconnect(self) -> None:
@@ -62,7 +62,7 @@ class Gripper(Actuator):
         self.connected = self._energised = False
 
     def _move(self) -> float:
-        """Move the finger to where it is by now. Return the way that is left."""
+        """Advance the finger to the present time. Return the remaining motion."""
         elapsed_s, self._moved_s = time.monotonic() - self._moved_s, time.monotonic()
         step = self.settings.speed_rad_s * elapsed_s
         self._position += float(np.clip(self._goal - self._position, -step, step))
