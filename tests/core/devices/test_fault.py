@@ -292,7 +292,7 @@ def test_a_goal_is_not_written_between_latch_and_watch(start: Any) -> None:
     node.cycle()
     node.context.tick("safety")
     assert not node.has_torque
-    with pytest.raises(DeviceError, match="no torque"):
+    with pytest.raises(DeviceError, match="torque is off"):
         node.arm.write(np.zeros(2))
 
 

@@ -70,6 +70,8 @@ class InferenceLoop:
         """
         began_ns = began_ns or time.monotonic_ns()
         with self._lock:
+            if self._rests():  # paused since the model was asked
+                return 0
             known = self._strategy.chunk
             again = known is not None and known.stamp_ns == observation.stamp_ns and not self._hurry
             epoch, self._hurry, self._asked = self._epoch, False, self._next
@@ -184,8 +186,12 @@ class InferenceLoop:
         self._playing = None
         self._epoch, self._asked = self._epoch + 1, -1
 
+    def _rests(self) -> bool:
+        """Whether a pause keeps the model from acting."""
+        return self.paused and not (self._single and self._strategy.chunk is None)
+
     def _wants(self) -> bool:
-        if self.paused and not (self._single and self._strategy.chunk is None):
+        if self._rests():
             return False
         wants = self._strategy.wants(self._next, self._delay()) and self._next > self._asked
         return self._hurry or wants

@@ -59,8 +59,8 @@ def test_a_model_is_unloaded_and_loaded_and_the_arm_holds_meanwhile(
         "(local only)\n  resume  Ends a fault: checks the device as at the start, and energises"
         in listed.stdout
     )
-    assert "  load  Loads the model, which then acts again. (local only)\n" in listed.stdout
-    assert "  unload  Frees the model;" in listed.stdout
+    assert "  load  Load the model, which then acts again. (local only)\n" in listed.stdout
+    assert "  unload  Unload the model;" in listed.stdout
     unloaded = joshua("call", "random_noise", "unload")
     assert unloaded.stdout == "/random_noise: the model is unloaded; the node publishes nothing\n", (
         unloaded.stderr
