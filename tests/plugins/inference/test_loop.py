@@ -193,3 +193,16 @@ def test_what_was_asked_before_a_take_over_is_not_played() -> None:
     machine.predict(line(20, begin=1.0))
     machine.play(1)
     assert machine.played[-1] is None
+
+
+def test_a_model_that_was_asked_before_a_pause_is_not_called_in_it() -> None:
+    machine = Machine()
+    machine.predict(line(10))
+    machine.play(6)
+    before = machine.loop.figures().chunks
+    machine.loop.pause()
+    machine.predict(line(10))  # the model's thread had been woken before
+    assert machine.loop.figures().chunks == before
+    machine.loop.resume()
+    machine.predict(line(10))
+    assert machine.loop.figures().chunks == before + 1
