@@ -8,6 +8,7 @@ import dataclasses
 import hashlib
 import json
 import resource
+import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -85,6 +86,32 @@ def test_videos_hold_the_pictures(tmp_path: Path) -> None:
         pictures = [picture.to_ndarray(format="rgb24") for picture in video.decode(stream)]
         assert (stream.codec_context.name, stream.average_rate) == ("h264", 10)
     assert [float(picture.mean()) for picture in pictures] == pytest.approx([0, 20, 40], abs=2)
+
+
+def test_a_long_episode_keeps_no_rows_in_memory(tmp_path: Path) -> None:
+    state = Feature.joints("observation.state", ("pan", "lift"))
+    with contextlib.closing(LeRobotWriter(numbers_only(tmp_path, state))) as writer:
+        writer.open()
+
+        def add(count: int) -> None:
+            for k in range(count):
+                writer.add_frame(Frame(k, {state.key: [k, -k]}))
+
+        tracemalloc.start()
+        try:
+            add(100)
+            before, _ = tracemalloc.get_traced_memory()
+            add(1000)
+            after, _ = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+        assert after - before < 20_000  # a row of the table has 24 bytes
+        writer.end_episode("wait")
+    assert Dataset.read(tmp_path).frames == 1100
+
+
+def numbers_only(folder: Path, *features: Feature) -> DatasetLayout:
+    return dataclasses.replace(layout(folder), features=FeatureSet(features))
 
 
 def test_same_frames_give_the_same_bytes(tmp_path: Path) -> None:

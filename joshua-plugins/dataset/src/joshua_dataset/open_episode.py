@@ -47,7 +47,6 @@ class OpenEpisode:
         self.encoders: dict[str, Encoder] = {}
         self.frames = 0
         self._rows: list[dict[str, Any]] = []
-        self._batches: list[pa.RecordBatch] = []
         self._flush_every = max(1, round(layout.fps * FRAGMENT_S / 2))
         shutil.rmtree(self.folder, ignore_errors=True)
         self.folder.mkdir(parents=True)
@@ -79,7 +78,10 @@ class OpenEpisode:
         self._stream.close()
         self._file.close()
         found = {key: encoder.finish() for key, encoder in self.encoders.items()}
-        return columns_of(pa.Table.from_batches(self._batches, self._schema)), found
+        rows = rows_of(self._layout.folder)
+        if rows is None or len(rows) != self.frames:
+            raise OSError(f"{self.folder / ROWS} cannot be read back")
+        return columns_of(rows), found
 
     def pictures(self, key: str) -> Path:
         """Return the file or folder of the pictures of a feature."""
@@ -113,10 +115,8 @@ class OpenEpisode:
                 if pa.types.is_fixed_size_list(field.type)
                 else pa.array(values, field.type)
             )
-        batch = pa.record_batch(arrays, schema=self._schema)
-        self._stream.write_batch(batch)
+        self._stream.write_batch(pa.record_batch(arrays, schema=self._schema))
         self._file.flush()
-        self._batches.append(batch)
         self._rows.clear()
 
 
