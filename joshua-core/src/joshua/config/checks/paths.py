@@ -29,6 +29,16 @@ _LABELS = {
 }
 
 
+#: Kinds of fields whose value may be the path of a file or a folder.
+_PLACES = frozenset(
+    (
+        rules.KIND_INPUT_FILE,
+        rules.KIND_SOURCE,
+        rules.KIND_MODEL,
+        rules.KIND_INTERPRETER,
+        rules.KIND_OUTPUT_PATH,
+    )
+)
 _PUT_IT_THERE = "Correct the path or put the file there"
 
 # These return False for a name that the system refuses, such as a long one.
@@ -68,7 +78,9 @@ def check_paths(
     found: list[Diagnostic] = []
     for block in context.blocks:
         for facts in block.facts if counts(block.path) else ():
-            value = getattr(block.message, facts.name) if facts.is_string and not facts.repeated else ""
+            if facts.kind not in _PLACES or facts.repeated:
+                continue
+            value = getattr(block.message, facts.name)
             if value and len(value) < 4096 and "\0" not in value:
                 found += _field(context, facts, block.field_path(facts.name), value, is_packaged)
     return [*found, *_data_sets(context)]

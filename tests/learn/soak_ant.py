@@ -1,0 +1,117 @@
+"""Returns of PPO on ``joshua/Ant-v0`` and of stable-baselines3 on Gymnasium's ``Ant-v5``, five seeds each.
+
+Both have the same settings, the same number of steps and one process a seed. Ends with 1 if the median of
+ours is outside the interquartile range of theirs.
+Run: python tests/learn/soak_ant.py [STEPS] [PROCESSES]
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from joshua.schema import config_pb2 as pb
+from joshua_mujoco_sim.envs import make_vector_environment
+from joshua_ppo_trainer.learner import Learner
+from joshua_ppo_trainer.settings import TrainerSettings
+from stable_baselines3 import PPO
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.vec_env import VecNormalize
+
+SEEDS = (1, 2, 3, 4, 5)
+STEPS = 300_000
+ENVIRONMENTS = 16
+BATCH, LEARNING_RATE = 256, 3e-4
+
+#: Episodes at the end of the training whose mean return counts.
+LAST = 50
+
+
+def settings(steps: int) -> TrainerSettings:
+    """The defaults of the environment, with the few values that the file must give."""
+    rl_config = pb.RLConfig(
+        algorithm="PPO",
+        num_envs=ENVIRONMENTS,
+        total_timesteps=steps,
+        learning_rate=LEARNING_RATE,
+        gamma=0.99,
+        batch_size=BATCH,
+    )
+    block = pb.Training(environment=pb.ENV_SIMULATION, rl_config=rl_config)
+    return TrainerSettings.from_block(block).suitable("joshua/Ant-v0")
+
+
+def ours(seed: int, steps: int) -> float:
+    """Mean return of the last episodes of our training."""
+    torch.set_num_threads(1)
+    environment = make_vector_environment(
+        "joshua/Ant-v0", num_envs=ENVIRONMENTS, seed=seed, autoreset_mode="SameStep", threads=1
+    )
+    learner = Learner(settings(steps), environment, seed)
+    while learner.steps < steps:
+        learner.iterate()
+    return float(np.mean([returned for returned, *_ in list(learner.vec_env.episodes)[-LAST:]]))
+
+
+def theirs(seed: int, steps: int) -> float:
+    """Mean return of the last episodes of stable-baselines3's training."""
+    torch.set_num_threads(1)
+    same = settings(steps)
+    environment = VecNormalize(make_vec_env("Ant-v5", ENVIRONMENTS, seed=seed), gamma=same.gamma)
+    model: Any = PPO(
+        "MlpPolicy",
+        environment,
+        learning_rate=same.learning_rate,
+        n_steps=same.n_steps or 1,
+        batch_size=same.batch_size,
+        n_epochs=same.n_epochs or 1,
+        gamma=same.gamma,
+        gae_lambda=0.95 if same.gae_lambda is None else same.gae_lambda,
+        clip_range=same.clip_range,
+        ent_coef=same.entropy_weight or 0.0,
+        vf_coef=same.value_weight,
+        max_grad_norm=same.max_grad_norm,
+        policy_kwargs={
+            "net_arch": list(same.hidden_sizes),
+            "activation_fn": torch.nn.Tanh,
+            "log_std_init": same.initial_log_std,
+        },
+        stats_window_size=LAST,
+        seed=seed,
+        device="cpu",
+    )
+    model.learn(steps)
+    return float(np.mean([episode["r"] for episode in model.ep_info_buffer]))
+
+
+def main() -> int:
+    """Train, and compare."""
+    steps = int(sys.argv[1]) if len(sys.argv) > 1 else STEPS
+    processes = int(sys.argv[2]) if len(sys.argv) > 2 else os.cpu_count()
+    begun_s = time.monotonic()
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        jobs = [(pool.submit(theirs, seed, steps), pool.submit(ours, seed, steps)) for seed in SEEDS]
+        found = []
+        for seed, (other, own) in zip(SEEDS, jobs, strict=True):
+            found.append((other.result(), own.result()))
+            print(f"seed {seed}: Ant-v5 {found[-1][0]:.0f}, joshua/Ant-v0 {found[-1][1]:.0f}", flush=True)
+    low, high = np.quantile([other for other, _ in found], [0.25, 0.75])
+    median = float(np.median([own for _, own in found]))
+    inside = bool(low <= median <= high)
+    print(
+        f"{steps} steps, {time.monotonic() - begun_s:.0f} s: median of ours {median:.0f}, "
+        f"their interquartile range {low:.0f} to {high:.0f}: {'inside' if inside else 'outside'}"
+    )
+    return int(not inside)
+
+
+if __name__ == "__main__":
+    gymnasium.logger.min_level = gymnasium.logger.ERROR
+    sys.exit(main())
