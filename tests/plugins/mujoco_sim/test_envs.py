@@ -11,6 +11,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from joshua.features import ACTION, STATE
 from joshua_mujoco_sim.envs import TASKS, TermEnv, TermVectorEnv, make_environment
+from joshua_mujoco_sim.envs.starts import Draws, Start, with_values
 from joshua_mujoco_sim.envs.tasks import reach
 from joshua_mujoco_sim.envs.terms import ResetTerm
 from joshua_mujoco_sim.opengl import RenderingError, choose_gl
@@ -209,12 +210,15 @@ def test_physics_is_randomised_from_episode_to_episode(many: bool) -> None:
 
 
 def test_own_terms_can_be_added() -> None:
-    def mark(state, ids, generators, *, value: float) -> None:
-        state.memory["mark"] = np.full(len(ids), value)
+    def spin(start: Start, draws: Draws, *, most: float) -> Start:
+        return replace(start, qvel=with_values(start.qvel, (slice(None), 4), draws.uniform(most / 2, most)))
 
-    task = reach().with_resets(ResetTerm("mark", mark, {"value": 3.0}))
+    task = reach().with_resets(ResetTerm("spin", spin, {"most": 3.0}))
     many = TermVectorEnv(lambda: task, 2)
-    assert many.state.memory["mark"].tolist() == [3.0, 3.0]
+    many.reset(seed=1)
+    spun = many.state.qvel[:, 4]
+    assert ((spun > 1.5) & (spun < 3.0)).all()
+    assert spun[0] != spun[1]
 
 
 @pytest.mark.skipif(not has_gl(), reason="no OpenGL library: sudo apt install libegl1 libgl1-mesa-dri")

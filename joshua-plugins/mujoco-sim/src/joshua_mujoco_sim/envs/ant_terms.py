@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
-from joshua_mujoco_sim.envs.state import IntArray, State
-from joshua_mujoco_sim.envs.terms import Generators
+from joshua_mujoco_sim.envs.starts import Draws, Start
+from joshua_mujoco_sim.envs.state import State
 
 HEALTHY_M = (0.2, 1.0)
 
@@ -53,8 +54,7 @@ def healthy(state: State) -> Any:
     return 1.0 - unhealthy(state)
 
 
-def start(state: State, ids: IntArray, generators: Generators, *, scale: float) -> None:
+def start(start: Start, draws: Draws, *, scale: float) -> Start:
     """Start with noise: uniform positions, normal speeds."""
-    for index, generator in zip(ids, generators, strict=True):
-        state.qpos[index] += generator.uniform(-scale, scale, state.qpos.shape[1])
-        state.qvel[index] += scale * generator.standard_normal(state.qvel.shape[1])
+    qpos = start.qpos + draws.uniform(-scale, scale, start.qpos.shape[1:])
+    return replace(start, qpos=qpos, qvel=start.qvel + scale * draws.normal(start.qvel.shape[1:]))

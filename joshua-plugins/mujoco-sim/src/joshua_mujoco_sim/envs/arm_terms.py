@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from joshua_mujoco_sim.envs.state import Columns, FloatArray, IntArray, State, square_sum
-from joshua_mujoco_sim.envs.terms import Generators
+from joshua_mujoco_sim.envs.starts import Draws, Start, with_values
+from joshua_mujoco_sim.envs.state import Columns, FloatArray, State, square_sum
 
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
 
@@ -153,38 +154,42 @@ def _beside(state: State, radius_m: float) -> Any:
 
 
 def place_goal(
-    state: State,
-    ids: IntArray,
-    generators: Generators,
+    start: Start,
+    draws: Draws,
     *,
     radius_m: tuple[float, float],
     angle_rad: float,
     height_m: tuple[float, float],
-) -> None:
+) -> Start:
     """Place the goal at random in front of the arm: a sector of a ring, at some height."""
-    for index, generator in zip(ids, generators, strict=True):
-        state.mocap_pos[index, 0] = _in_sector(generator, radius_m, angle_rad, height_m)
+    place = _in_sector(start.xp, draws, radius_m, angle_rad, height_m)
+    return replace(start, mocap_pos=with_values(start.mocap_pos, (slice(None), 0), place))
 
 
 def place_cube(
-    state: State,
-    ids: IntArray,
-    generators: Generators,
+    start: Start,
+    draws: Draws,
     *,
     radius_m: tuple[float, float],
     angle_rad: float,
     apart_m: float,
-) -> None:
+) -> Start:
     """Place the cube at random on the table in front of the arm, in any orientation, not on the goal."""
-    start = int(state.model.joint("cube").qposadr[0])
-    for index, generator in zip(ids, generators, strict=True):
-        for _ in range(100):
-            position = _in_sector(generator, radius_m, angle_rad, (HALF_CUBE_M, HALF_CUBE_M))
-            if np.hypot(*(position - state.mocap_pos[index, 0])[:2]) >= apart_m:
-                break
-        half_turn = generator.uniform(-np.pi, np.pi) / 2
-        state.qpos[index, start : start + 3] = position
-        state.qpos[index, start + 3 : start + 7] = (np.cos(half_turn), 0, 0, np.sin(half_turn))
+    xp, goal = start.xp, start.mocap_pos[:, 0]
+
+    def propose(draws: Draws) -> Any:
+        return _in_sector(xp, draws, radius_m, angle_rad, (HALF_CUBE_M, HALF_CUBE_M))
+
+    def is_apart(places: Any) -> Any:
+        return xp.hypot(places[:, 0] - goal[:, 0], places[:, 1] - goal[:, 1]) >= apart_m
+
+    place = draws.until(propose, is_apart, 100)
+    half_turn = draws.uniform(-np.pi, np.pi) / 2
+    zero = xp.zeros_like(half_turn)
+    attitude = xp.stack([xp.cos(half_turn), zero, zero, xp.sin(half_turn)], axis=1)
+    first = int(start.model.joint("cube").qposadr[0])
+    pose = xp.concatenate([place, attitude], axis=1)
+    return replace(start, qpos=with_values(start.qpos, (slice(None), slice(first, first + 7)), pose))
 
 
 def arm_columns(model: mujoco.MjModel) -> Columns:
@@ -193,11 +198,10 @@ def arm_columns(model: mujoco.MjModel) -> Columns:
 
 
 def _in_sector(
-    generator: np.random.Generator,
-    radius_m: tuple[float, float],
-    angle_rad: float,
-    height_m: tuple[float, float],
-) -> FloatArray:
-    radius = np.sqrt(generator.uniform(radius_m[0] ** 2, radius_m[1] ** 2))
-    angle = generator.uniform(-angle_rad, angle_rad)
-    return np.array([radius * np.sin(angle), -0.045 - radius * np.cos(angle), generator.uniform(*height_m)])
+    xp: Any, draws: Draws, radius_m: tuple[float, float], angle_rad: float, height_m: tuple[float, float]
+) -> Any:
+    """Draw places in front of the arm, shape (n, 3)."""
+    radius = xp.sqrt(draws.uniform(radius_m[0] ** 2, radius_m[1] ** 2))
+    angle = draws.uniform(-angle_rad, angle_rad)
+    height = draws.uniform(*height_m)
+    return xp.stack([radius * xp.sin(angle), -0.045 - radius * xp.cos(angle), height], axis=1)

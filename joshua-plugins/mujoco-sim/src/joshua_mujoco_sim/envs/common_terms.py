@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
-from joshua_mujoco_sim.envs.state import IntArray, State, square_sum
-from joshua_mujoco_sim.envs.terms import Generators
+from joshua_mujoco_sim.envs.starts import Draws, Start, with_values
+from joshua_mujoco_sim.envs.state import State, square_sum
 
 
 def columns(state: State, *, qpos: Any = slice(None)) -> Any:
@@ -61,62 +60,55 @@ def not_finite(state: State) -> Any:
 
 
 def noisy_joints(
-    state: State,
-    ids: IntArray,
-    generators: Generators,
+    start: Start,
+    draws: Draws,
     *,
     qpos: Any = slice(None),
     qvel: Any = slice(None),
     position_rad: float = 0.0,
     velocity_rad_s: float = 0.0,
-) -> None:
+) -> Start:
     """Start with uniform noise on the joints of the keyframe."""
-    for index, generator in zip(ids, generators, strict=True):
-        target = state.qpos[index, qpos]
-        state.qpos[index, qpos] = target + generator.uniform(-position_rad, position_rad, target.shape)
-        speed = state.qvel[index, qvel]
-        state.qvel[index, qvel] = speed + generator.uniform(-velocity_rad_s, velocity_rad_s, speed.shape)
+    place, speed = start.qpos[:, qpos], start.qvel[:, qvel]
+    place = place + draws.uniform(-position_rad, position_rad, place.shape[1:])
+    speed = speed + draws.uniform(-velocity_rad_s, velocity_rad_s, speed.shape[1:])
+    return replace(
+        start,
+        qpos=with_values(start.qpos, (slice(None), qpos), place),
+        qvel=with_values(start.qvel, (slice(None), qvel), speed),
+    )
 
 
 def randomise(
-    state: State,
-    ids: IntArray,
-    generators: Generators,
+    start: Start,
+    draws: Draws,
     *,
     field: str,
     low: float,
     high: float,
     rows: Any = slice(None),
     columns: Any = None,
-) -> None:
+) -> Start:
     """Randomise the domain: multiply a field of the model by one factor per episode.
 
     Args:
-        state: the simulations; ids: those that restart; generators: one for each.
+        start: the simulations that restart; draws: their random numbers.
         field: of the model, such as ``geom_friction``, ``body_mass``, ``actuator_gainprm``, ``dof_damping``.
         low, high: range of the factor, uniform.
         rows: which entries of the field; columns: which columns of them, None for all.
     """
-    values = state.parameter(field)
-    nominal = _nominal(state, field)
     key = (rows,) if columns is None else (rows, columns)
-    for index, generator in zip(ids, generators, strict=True):
-        values[(index, *key)] = nominal[key] * generator.uniform(low, high)
+    nominal = start.nominal(field)[key]
+    factor = draws.uniform(low, high).reshape(-1, *(1 for _ in nominal.shape))
+    values = with_values(start.parameter(field), (slice(None), *key), nominal * factor)
+    return start.with_parameter(field, values)
 
 
-def randomise_servos(state: State, ids: IntArray, generators: Generators, *, low: float, high: float) -> None:
+def randomise_servos(start: Start, draws: Draws, *, low: float, high: float) -> Start:
     """Randomise position servos: multiply gain and matching bias by one factor."""
-    gain, bias = state.parameter("actuator_gainprm"), state.parameter("actuator_biasprm")
-    nominal_gain, nominal_bias = _nominal(state, "actuator_gainprm"), _nominal(state, "actuator_biasprm")
-    for index, generator in zip(ids, generators, strict=True):
-        factor = generator.uniform(low, high)
-        gain[index, :, 0] = nominal_gain[:, 0] * factor
-        bias[index, :, 1] = nominal_bias[:, 1] * factor
-
-
-def _nominal(state: State, field: str) -> Any:
-    """Return the value of a field before randomisation."""
-    key = f"nominal {field}"
-    if key not in state.memory:
-        state.memory[key] = np.array(state.parameter(field)[0])
-    return state.memory[key]
+    factor = draws.uniform(low, high)[:, None]
+    for field, column in (("actuator_gainprm", 0), ("actuator_biasprm", 1)):
+        values = start.nominal(field)[:, column] * factor
+        key = (slice(None), slice(None), column)
+        start = start.with_parameter(field, with_values(start.parameter(field), key, values))
+    return start

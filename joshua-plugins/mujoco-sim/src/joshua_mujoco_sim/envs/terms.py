@@ -1,7 +1,9 @@
 """Named terms: what an environment observes, rewards, ends at, and starts from.
 
-A term is a small function over a ``State`` of N simulations, with a name and parameters. A task is a list of
-them, so that a trainer changes a reward by a weight, and an ablation removes a line.
+A term is a small pure function over a ``State`` of N simulations, with name and parameters. A task is a list
+of terms, so that a trainer changes a reward by a weight, and an ablation removes a line. Terms compute with
+the array module of the state, and so does ``Evaluator`` in ``observed``, ``controlled``, ``rewarded``,
+``judged`` and ``begun``: the same task runs with NumPy and is traced by JAX.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import numpy as np
 from gymnasium import spaces
 from joshua.features import ACTION, Feature, FeatureSet
 
+from joshua_mujoco_sim.envs.starts import Draws, GeneratorDraws, Start
 from joshua_mujoco_sim.envs.state import FloatArray, IntArray, Simulations, State
 
 Generators = Sequence[np.random.Generator]
@@ -76,14 +79,13 @@ class TerminationTerm:
 
 @dataclass(frozen=True)
 class ResetTerm:
-    """One part of the start: ``function(state, ids, generators, **parameters)`` writes some simulations.
+    """One part of the start: ``function(start, draws, **parameters)`` gives a changed ``Start``.
 
-    ``generators`` has one random generator for each of ``ids``, so that an episode depends on its own seed
-    only, whatever runs beside it.
+    It is pure, so that it serves NumPy and JAX.
     """
 
     name: str
-    function: Callable[..., None]
+    function: Callable[..., Start]
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -179,14 +181,13 @@ class Evaluator:
                 f"{task.model_path} has no action mode {name!r}: choose {' or '.join(task.actions)}"
             )
         self._mode = task.actions[name]
-        self._observe: list[Any] = []
+        self._observe = [(term.function, dict(term.parameters)) for term in task.observations]
         width = 0
         features, offsets, scales = [], [], []
         model = state.model
         joints = [model.joint(i).name for i in range(model.njnt)]
         for term in task.observations:
             size = term.function(state, **term.parameters).shape[1]
-            self._observe.append((slice(width, width + size), term.function, dict(term.parameters)))
             width += size
             names = tuple(joints[term.joints]) if term.joints is not None else ()
             features.append(Feature(f"observation.{term.name}", "float32", (size,), names, term.unit))
@@ -207,6 +208,7 @@ class Evaluator:
             term.name: np.zeros(state.count) for term in task.rewards if term.potential and term.weight
         }
         self._end = [(t.name, t.success, t.function, dict(t.parameters)) for t in task.terminations]
+        self._nominal: dict[str, Any] = {}
 
     def act(self, actions: Any) -> None:
         """Take the actions of a step, shape (N, A), and write the controls.
@@ -228,41 +230,18 @@ class Evaluator:
 
     def observation(self) -> Any:
         """All observation terms side by side, scaled, shape (N, K), float32."""
-        state = self._state
-        values = np.empty((state.count, *self.observation_space.shape))
-        for columns, function, parameters in self._observe:
-            values[:, columns] = function(state, **parameters)
-        values -= self.offset
-        values /= self.scale
-        return values.astype(np.float32)
+        return self.observed(self._state)
 
     def reward(self) -> tuple[FloatArray, dict[str, FloatArray]]:
         """The weighted sum, shape (N,), and each weighted term by name."""
-        state = self._state
-        total = np.zeros(state.count)
-        terms = {}
-        for name, weight, function, parameters in self._reward:
-            value = function(state, **parameters)
-            before = self.potentials.get(name)
-            if before is not None:
-                self.potentials[name] = np.array(value)
-                value = value - before
-            terms[name] = value = weight * value
-            total += value
+        total, terms, potentials = self.rewarded(self._state, self.potentials)
+        for name, values in potentials.items():
+            self.potentials[name] = np.array(values)
         return total, terms
 
     def terminated(self) -> tuple[Any, Any, dict[str, Any]]:
         """Whether each episode ends, whether with success, and each reason by name; shape (N,)."""
-        state = self._state
-        ended = np.zeros(state.count, bool)
-        success = np.zeros(state.count, bool)
-        reasons = {}
-        for name, is_success, function, parameters in self._end:
-            reasons[name] = reason = function(state, **parameters)
-            np.logical_or(ended, reason, out=ended)
-            if is_success:
-                success |= reason
-        return ended, success, reasons
+        return self.judged(self._state)
 
     def objects(self) -> dict[str, Any]:
         """The state of each object, by name, shape (N, k)."""
@@ -270,17 +249,92 @@ class Evaluator:
 
     def reset(self, ids: IntArray, generators: Generators) -> None:
         """Start some episodes."""
-        state, task = self._state, self._task
-        state.reset(ids, state.model.key(task.keyframe).id if task.keyframe else -1)
+        state = self._state
+        state.reset(ids, self.keyframe)
         state.elapsed_steps[ids] = 0
-        for term in task.resets:
-            term.function(state, ids, generators, **term.parameters)
-        start = self._mode.start(state)[ids] if self._mode.start else 0.0
-        state.action[ids] = state.last_action[ids] = start
+        fresh = Start(
+            np, state.model, state.qpos[ids], state.qvel[ids], state.mocap_pos[ids], self._nominal_of
+        )
+        begun = self.begun(fresh, GeneratorDraws(generators))
+        state.qpos[ids], state.qvel[ids], state.mocap_pos[ids] = begun.qpos, begun.qvel, begun.mocap_pos
+        for field_name, values in begun.parameters.items():
+            state.parameter(field_name)[ids] = values
+        state.action[ids] = state.last_action[ids] = self.first_action(state)[ids]
         state.forward(ids)
-        for name, _, function, parameters in self._reward:
-            if name in self.potentials:
-                self.potentials[name][ids] = function(state, **parameters)[ids]
+        for name, values in self.potentials_of(state).items():
+            self.potentials[name][ids] = values[ids]
+
+    # From here on pure: for states of NumPy and of JAX.
+
+    @property
+    def keyframe(self) -> int:
+        """Index of the keyframe that episodes start from; -1 for the model's default."""
+        name = self._task.keyframe
+        return int(self._state.model.key(name).id) if name else -1
+
+    def limited(self, actions: Any, xp: Any) -> Any:
+        """Return actions within the limits of their space, shape (N, A)."""
+        return xp.clip(actions, self._low, self._high)
+
+    def controlled(self, state: State) -> Any:
+        """Return the controls of the actions of a state, shape (N, nu)."""
+        return self._mode.function(state)
+
+    def observed(self, state: State) -> Any:
+        """Return the observation of a state, scaled, shape (N, K), float32."""
+        parts = [function(state, **parameters) for function, parameters in self._observe]
+        values = state.xp.concatenate(parts, axis=1)
+        return ((values - self.offset) / self.scale).astype(np.float32)
+
+    def rewarded(
+        self, state: State, potentials: Mapping[str, Any]
+    ) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+        """Return the sum of the rewards, shape (N,), each weighted term, and the new potentials."""
+        total = state.xp.zeros(state.count)
+        terms, following = {}, {}
+        for name, weight, function, parameters in self._reward:
+            value = function(state, **parameters)
+            if name in potentials:
+                following[name] = value
+                value = value - potentials[name]
+            terms[name] = value = weight * value
+            total = total + value
+        return total, terms, following
+
+    def judged(self, state: State) -> tuple[Any, Any, dict[str, Any]]:
+        """Return whether each episode ends, whether with success, and each reason by name; shape (N,)."""
+        ended = success = state.xp.zeros(state.count, bool)
+        reasons = {}
+        for name, is_success, function, parameters in self._end:
+            reasons[name] = reason = function(state, **parameters)
+            ended = ended | reason
+            if is_success:
+                success = success | reason
+        return ended, success, reasons
+
+    def begun(self, start: Start, draws: Draws) -> Start:
+        """Return how episodes start, from the keyframe, by the task's terms."""
+        for term in self._task.resets:
+            start = term.function(start, draws, **term.parameters)
+        return start
+
+    def first_action(self, state: State) -> Any:
+        """Return the action that stands for doing nothing at a start, shape (N, A)."""
+        return self._mode.start(state) if self._mode.start else state.xp.zeros_like(state.action)
+
+    def potentials_of(self, state: State) -> dict[str, Any]:
+        """Return each reward by a potential as it is in a state, shape (N,)."""
+        return {
+            name: function(state, **parameters)
+            for name, _, function, parameters in self._reward
+            if name in self.potentials
+        }
+
+    def _nominal_of(self, field_name: str) -> Any:
+        found = self._nominal.get(field_name)
+        if found is None:
+            found = self._nominal[field_name] = np.array(self._state.parameter(field_name)[0])
+        return found
 
 
 def _resolved(constant: Constant, model: mujoco.MjModel, size: int) -> FloatArray:
