@@ -268,6 +268,33 @@ def test_without_memory_the_message_names_what_takes_less(act: Any, monkeypatch:
         model.act(observation())
 
 
+def test_a_compiled_policy_acts_the_same(act: Any) -> None:
+    plain = model_of(LeRobotModel, LeRobotSettings, act[0])
+    compiled = model_of(LeRobotModel, LeRobotSettings, act[0], compile=True)
+    assert type(compiled._loaded.policy.model) is not type(plain._loaded.policy.model)
+    np.testing.assert_allclose(compiled.act(observation()), plain.act(observation()), atol=1e-5, rtol=0)
+    plain.close()
+    compiled.close()
+
+
+def test_without_a_compiler_the_message_names_it(act: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    from torch._inductor import config
+
+    monkeypatch.setattr(config.cpp, "cxx", (None, "/nowhere/g++"))
+    monkeypatch.setattr(config, "force_disable_caches", True)
+    torch._dynamo.reset()
+    model = model_of(LeRobotModel, LeRobotSettings, act[0], compile=True)
+    with pytest.raises(ModelError, match=r"No working C\+\+ compiler .* or remove compile: true"):
+        model.act(observation())
+    model.close()
+    torch._dynamo.reset()
+
+
+def test_a_policy_that_cannot_be_compiled_is_refused(tmp_path: Path) -> None:
+    tiny_policies.make_vqbet(tmp_path)
+    assert "Policies of type vqbet cannot be compiled" in refusal(tmp_path, compile=True)
+
+
 def test_a_checkpoint_without_statistics_warns(copy: Path, caplog: pytest.LogCaptureFixture) -> None:
     for path in copy.glob("policy_p*_processor.safetensors"):
         save_file({}, path)

@@ -108,6 +108,10 @@ def load_policy(checkpoint: Checkpoint, settings: PolicySettings) -> LoadedPolic
         policy.to(device)
         policy.eval()
         if settings.compile and not hasattr(config, "compile_model"):
+            if not hasattr(policy, "model"):
+                raise ModelError(
+                    f"Policies of type {checkpoint.type} cannot be compiled. Remove compile: true"
+                )
             policy.model = torch.compile(policy.model)
         before, after = _processors(checkpoint, config, device)
     except torch.OutOfMemoryError as error:
@@ -121,6 +125,15 @@ def out_of_memory(device: Any) -> ModelError:
         f'The memory of {device} is too small for the policy. Set compute {{ precision: "bfloat16" }}, '
         "which "
         "takes half, lower picture_size, or end other programs that use it"
+    )
+
+
+def not_compiled(error: Exception) -> ModelError:
+    """Return what to do if torch.compile fails."""
+    said = str(error).strip().partition("\n")[0]
+    return ModelError(
+        f"The policy could not be compiled: {said}. Install a C++ compiler (on Debian: g++), "
+        "or remove compile: true"
     )
 
 

@@ -15,7 +15,7 @@ from joshua.features import FeatureSet, JointUnits, Unit
 
 from joshua_lerobot.checkpoint import Checkpoint, CheckpointError
 from joshua_lerobot.hub import fetch, is_hub_id
-from joshua_lerobot.loading import LoadedPolicy, load_policy, out_of_memory
+from joshua_lerobot.loading import LoadedPolicy, load_policy, not_compiled, out_of_memory
 from joshua_lerobot.settings import PREDICTS_CHUNKS, PolicySettings, without_statistics
 
 FloatArray = npt.NDArray[np.float64]
@@ -106,6 +106,10 @@ class LeRobotModel(Model):
                 actions = compute(loaded, self._checkpoint.type)
         except torch.OutOfMemoryError as error:
             raise out_of_memory(loaded.device) from error
+        except RuntimeError as error:
+            if not self.settings.compile or not isinstance(error, torch._dynamo.exc.TorchDynamoException):
+                raise
+            raise not_compiled(error) from error
         return self._in_radians(loaded, actions)
 
     def _ready(self) -> LoadedPolicy:
