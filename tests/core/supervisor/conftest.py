@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 from joshua.plan import NodeKind, NodeSpec, Plan, RunReport, TopicSpec, TransportSettings
-from joshua.plan.events import Event, LogEntry, Progress, RunEvent, RunStatus, StartTable
+from joshua.plan.events import Event, LogEntry, RunEvent, RunStatus, StartTable
+from joshua.plan.progress import Progress
 from joshua.supervisor import fork_server
 from joshua.supervisor.fork_server import ForkServer
 from joshua.supervisor.heartbeats import HANG_AFTER_S

@@ -18,7 +18,8 @@ def topic(name: str, rate_hz: float = 0.0) -> TopicSpec:
 def test_nodes_exchange_messages_and_stop_in_good_order(robot):
     report = robot.run_until(
         lambda: "listener heard" in robot.noted(),
-        robot.node("Talker", publishers=(topic("/chat", 50.0),)),
+        # a module that nothing else imports stands for one of settings
+        robot.node("Talker", publishers=(topic("/chat", 50.0),), settings_type="colorsys:rgb_to_hsv"),
         robot.node("Listener", subscriptions=(topic("/chat"),)),
     )
 
@@ -27,6 +28,7 @@ def test_nodes_exchange_messages_and_stop_in_good_order(robot):
     talker, listener = report.nodes
     assert talker.topics[0].count > 5
     assert talker.topics[0].configured_hz == 50.0
+    assert talker.checks[0].passed  # the fork server has imported it
     assert listener.topics[0].count > 0
     assert listener.checks[0].passed
     assert talker.timers[0].name == "talk"

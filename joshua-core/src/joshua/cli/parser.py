@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import importlib
-import shlex
+import os
 import sys
 from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
@@ -25,6 +24,18 @@ exit codes: 0 success, 1 a node failed, 2 invalid configuration or command line,
 Plugins bring further commands, such as calibrate: joshua plugins lists them."""
 
 
+class _HelpFormatter(argparse.RawDescriptionHelpFormatter):
+    """Looks for the width of the terminal without shutil: argparse makes a formatter for each argument."""
+
+    def __init__(self, prog: str, **options: Any) -> None:
+        columns = os.environ.get("COLUMNS", "")
+        try:
+            width = int(columns) if columns.isdecimal() else os.get_terminal_size(sys.stdout.fileno()).columns
+        except (OSError, ValueError):
+            width = 0
+        super().__init__(prog, **{"width": (width or 80) - 2, **options})
+
+
 class Parser(argparse.ArgumentParser):
     """An argument parser without abbreviations, whose errors suggest the nearest option."""
 
@@ -32,7 +43,7 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         kwargs.setdefault("allow_abbrev", False)
-        kwargs.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
+        kwargs.setdefault("formatter_class", _HelpFormatter)
         super().__init__(*args, **kwargs)
 
     def error(self, message: str) -> NoReturn:
@@ -54,6 +65,8 @@ class Parser(argparse.ArgumentParser):
         lines += [f"  {missing}"] * bool(missing)
         file = next((word for word in self.arguments if word.endswith(".pbtxt")), "")
         if file and message.startswith("argument COMMAND:"):
+            import shlex
+
             lines.append(f"  to run a file: {self.prog} --config {shlex.quote(file)}")
         lines.append(f"  see: {self.prog} --help")
         sys.stderr.write("\n".join(lines) + "\n")
@@ -91,19 +104,32 @@ class Parser(argparse.ArgumentParser):
         return found[0] if found else ""
 
     def _nearest(self, unrecognized: Sequence[str], word: str) -> list[str]:
+        from difflib import get_close_matches
+
         options = list(self._option_string_actions)
-        near = [name for option in unrecognized for name in difflib.get_close_matches(option, options, n=1)]
+        near = [name for option in unrecognized for name in get_close_matches(option, options, n=1)]
         if not word:
             return near
         names = [*self.commands(), *(command.name for command in self._plugin_commands())]
-        return difflib.get_close_matches(word, names, n=3, cutoff=0.5)
+        return get_close_matches(word, names, n=3, cutoff=0.5)
 
 
 class CommandParser(Parser):
-    """The parser of one subcommand. Imports the command's module at first use."""
+    """The parser of one subcommand, made at its first use. Then it imports the command's module."""
 
     command: Command | None = None
     _populated = False
+
+    def __init__(self, **options: Any) -> None:
+        self._options = options
+
+    def __getattr__(self, name: str) -> Any:
+        """Make the parser when an attribute is read that it does not have yet."""
+        options = vars(self).pop("_options", None)
+        if options is None:
+            raise AttributeError(f"{type(self).__name__} has no attribute {name}")
+        super().__init__(**options)
+        return getattr(self, name)
 
     def populate(self) -> None:
         """Add the command's arguments. Idempotent."""

@@ -10,8 +10,6 @@ from joshua.cli.exit_codes import ExitCode
 
 def program() -> None:
     """Import the program and run it. Before that, there is nothing to shut down."""
-    # No settings model uses plugins of pydantic, and searching for them takes each process over 15 ms.
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     usual = signal.getsignal(signal.SIGINT)
     if usual is signal.default_int_handler:
         signal.signal(signal.SIGINT, lambda _number, _frame: os._exit(ExitCode.INTERRUPTED))

@@ -6,7 +6,6 @@ import errno
 import os
 import re
 import stat
-from pathlib import Path
 from typing import NamedTuple
 
 from joshua.textproto.diagnostics import Diagnostics
@@ -30,7 +29,7 @@ class FileId(NamedTuple):
 def file_id(path: str) -> FileId | None:
     """Return the identity of the file at a path; None if there is none."""
     try:
-        found = Path(path).stat()
+        found = os.stat(path)  # noqa: PTH116 (as below: a check of a correct file imports no pathlib)
     except (OSError, ValueError):
         return None
     return FileId(found.st_dev, found.st_ino)
@@ -57,7 +56,7 @@ def read_bytes(path: str, problems: Diagnostics, at: Span | None) -> bytes | Non
         return None
     try:
         # Opening a pipe or a device could block or act on it, so its kind is checked first.
-        kind = Path(path).stat()
+        kind = os.stat(path)  # noqa: PTH116
         if not _is_regular(path, kind.st_mode, problems, at):
             return None
         if kind.st_size > MAX_FILE_BYTES:
@@ -78,6 +77,8 @@ def read_bytes(path: str, problems: Diagnostics, at: Span | None) -> bytes | Non
 def _is_regular(path: str, mode: int, problems: Diagnostics, at: Span | None) -> bool:
     if stat.S_ISREG(mode):
         return True
+    from pathlib import Path
+
     kinds = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
     kinds |= {stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
     kind = kinds.get(stat.S_IFMT(mode), "no regular file")
@@ -88,6 +89,8 @@ def _is_regular(path: str, mode: int, problems: Diagnostics, at: Span | None) ->
 
 
 def _missing(path: str, problems: Diagnostics, at: Span | None) -> None:
+    from pathlib import Path
+
     from joshua.textproto.nearest import nearest
 
     where = Path(path)

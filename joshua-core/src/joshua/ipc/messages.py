@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from joshua.ipc.frames import FrameError
 from joshua.plan import NodeReport, NodeSpec, TransportSettings
-from joshua.plan.events import Progress
+from joshua.plan.progress import Progress
 
 #: Verb of every node, which lists its verbs.
 LIST_VERBS = "verbs"

@@ -20,7 +20,7 @@ from joshua.node.cadence import TrafficFigures
 from joshua.node.endpoints import Endpoints, MessageCallback, MessagePublisher, NamedMessageCallback
 from joshua.node.timers import Timer, TimerQueue
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
-from joshua.plan.events import Progress
+from joshua.plan.progress import Progress
 
 #: Time without a poll after which a reader thread counts as hung, by kind of node. Inference may take long.
 READER_HANG_S: dict[NodeKind, float] = {NodeKind.MODEL: 60.0}

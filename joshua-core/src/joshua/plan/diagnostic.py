@@ -67,18 +67,17 @@ class Diagnostic:
     related: tuple[Related, ...] = ()
 
 
-#: Passwords, tokens and keys in an address.
-_SECRET = re.compile(
-    r"(?<=://)[^/\s\"@]*(?=@)|hf_\w{8,}|(?:AKIA|ASIA)[A-Z0-9]{12,}"
-    r"|(?:(?<=token=)|(?<=secret=)|(?<=word=)|(?<=key=)|(?<=sig=)|(?<=ature=))[^\"&\s]+",
-    re.IGNORECASE,
+#: Passwords, tokens and keys in an address. Compiled at its first use, because a correct file has none.
+_MASKED = (
+    r"(?i)(?<=://)[^/\s\"@]*(?=@)|hf_\w{8,}|(?:AKIA|ASIA)[A-Z0-9]{12,}"
+    r"|(?:(?<=token=)|(?<=secret=)|(?<=word=)|(?<=key=)|(?<=sig=)|(?<=ature=))[^\"&\s]+"
 )
 
 
 @lru_cache(maxsize=16)  # cached, because many findings may show the same long line
 def masked(text: str) -> str:
     """Mask secrets in a text without changing its length."""
-    return _SECRET.sub(lambda match: "*" * len(match[0]), text)
+    return re.sub(_MASKED, lambda match: "*" * len(match[0]), text)
 
 
 # Programs at the start of a remedy keep their lower case.

@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 
 from joshua.plan.diagnostic import Diagnostic
 from joshua.plan.node_spec import TopicSpec
+from joshua.plan.progress import Progress
 from joshua.plan.report import RunReport
 
 
@@ -49,24 +50,6 @@ class StartTable:
     notes: tuple[str, ...] = ()
     findings: tuple[Diagnostic, ...] = ()
     visible: str = ""
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Progress of a node's finite work.
-
-    Attributes:
-        name: of the work; current: finished work in ``unit``; total: all of it, None if unknown.
-        rate: units per second, so far; remaining_s: time to the end. None if unknown.
-    """
-
-    node: str
-    name: str
-    current: float
-    total: float | None = None
-    unit: str = ""
-    rate: float | None = None
-    remaining_s: float | None = None
 
 
 @dataclass(frozen=True)

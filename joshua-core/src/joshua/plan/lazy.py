@@ -1,4 +1,4 @@
-"""Names of a module that are imported at first use."""
+"""Imports at first use, and those that are left out."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import importlib
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
-from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 
@@ -31,6 +31,17 @@ def lazy_names(
     return get, lambda: sorted({*vars(sys.modules[package]), *module_of})
 
 
+def without_pydantic_plugins() -> None:
+    """Spare this process pydantic's search for plugins, which reads the metadata of every installed package.
+
+    No settings model uses them. Without effect on a pydantic that has searched.
+    """
+    if (loader := "pydantic.plugin._loader") not in sys.modules:
+        no_plugins: Any = ModuleType(loader)
+        no_plugins.get_plugins = tuple
+        sys.modules[loader] = no_plugins
+
+
 def sections(path: str) -> dict[str, dict[str, tuple[str, ...]]]:
     """Read the names of a lazy module from its stub, which type checkers also read.
 
@@ -41,7 +52,9 @@ def sections(path: str) -> dict[str, dict[str, tuple[str, ...]]]:
         Names by their heading (a comment) and their module.
     """
     found: dict[str, dict[str, tuple[str, ...]]] = {}
-    for line in Path(path).with_suffix(".pyi").read_text(encoding="utf-8").splitlines():
+    with open(f"{path.removesuffix('.py')}.pyi", encoding="utf-8") as stub:  # noqa: PTH123 (hot, and no Path yet)
+        lines = stub.read().splitlines()
+    for line in lines:
         if heading := re.fullmatch(r"# (?!ruff)(.+)", line):
             modules = found.setdefault(heading[1], {})
         elif name := re.fullmatch(r"from (\S+) import (\w+) as \2", line):

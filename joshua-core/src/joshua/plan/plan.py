@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import ConfigDict
+
 from joshua.plan.diagnostic import Diagnostic
 from joshua.plan.node_spec import NodeSpec
 from joshua.plan.report import Value
@@ -54,6 +56,8 @@ class Plan(Value):
         verdict: the run ends with a pass/fail table of what each node measured.
         findings: warnings and notes in the start-up table.
     """
+
+    model_config = ConfigDict(frozen=True, defer_build=True)  # nodes, whose start is waited for, need no plan
 
     source: str
     mode: str

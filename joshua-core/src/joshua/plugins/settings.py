@@ -74,7 +74,8 @@ class BlockSettings(BaseModel):
     ``FieldErrors`` for several. Override ``si_values`` for values that depend on several fields, the node or
     the rest of the file.
 
-    A settings module is imported during validation, so it must not import drivers or anything heavy.
+    A settings module is imported during validation, and by the process that nodes are forked from, so it must
+    not import drivers or anything heavy, nor start a thread.
     """
 
     model_config: ClassVar[ConfigDict] = ConfigDict(

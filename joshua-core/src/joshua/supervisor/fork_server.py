@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from joshua.ipc.frames import EndOfStreamError, FrameError, FrameSocket
 from joshua.ipc.process_attributes import IGNORED_SIGNALS
+from joshua.plan.lazy import without_pydantic_plugins
 
 if TYPE_CHECKING:
     import subprocess
@@ -127,7 +128,8 @@ def start(*, preload: bool = True) -> ForkServer:
     Args:
         preload: import the heavy modules.
     """
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # children inherit it
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # for programs that nodes and this start
+    without_pydantic_plugins()
     ours, theirs = socket.socketpair()
     # Pending until the server ignores them.
     former = signal.pthread_sigmask(signal.SIG_BLOCK, IGNORED_SIGNALS)

@@ -155,7 +155,8 @@ class ManagedProcess:
             self._fail_all(text, EXIT_NOT_INSTALLED)
             self._reactor.call_later(0, lambda: self._on_change(self, Change.ENDED))
             return
-        modules = tuple(sorted({name.partition(":")[0] for spec in self.specs for name in spec.extensions}))
+        light = {name for spec in self.specs for name in (*spec.extensions, spec.settings_type) if name}
+        modules = tuple(sorted(name.partition(":")[0] for name in light))
         self._child = Child(self._reactor, self._launcher, title, modules, interpreter, self._on_child)
 
     def start(self) -> None:

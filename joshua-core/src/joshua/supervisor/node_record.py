@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 
 from joshua.ipc.messages import Topics
 from joshua.plan import NodeReport, NodeSpec, Plan, TopicReport, TransportSettings
-from joshua.plan.events import NodeRow, NodeStatus, Progress, RunStatus, StartTable
+from joshua.plan.events import NodeRow, NodeStatus, RunStatus, StartTable
+from joshua.plan.progress import Progress
 
 #: Totals for the live rates: five, half a second apart.
 RATE_WINDOW = 5

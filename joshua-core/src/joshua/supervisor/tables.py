@@ -14,7 +14,8 @@ from typing import TextIO
 
 from joshua.config.diagnostics import wants_color
 from joshua.plan import NodeReport, RunReport, Severity
-from joshua.plan.events import LogEntry, NodeRow, NodeStatus, Progress, RunStatus, StartTable
+from joshua.plan.events import LogEntry, NodeRow, NodeStatus, RunStatus, StartTable
+from joshua.plan.progress import Progress
 
 REPORT_HEADINGS = ("NODE", "TIMER OR TOPIC", "TARGET", "ACHIEVED", "P50", "P99", "P99.9", "OVERRUNS", "COUNT")
 #: An achieved rate below this share of its target is marked.

@@ -14,7 +14,7 @@ from joshua.node.context import NodeContext
 from joshua.node.endpoints import MessagePublisher
 from joshua.node.timers import Timer
 from joshua.plan import NodeSpec, TopicSpec
-from joshua.plan.events import Progress
+from joshua.plan.progress import Progress
 
 
 class RecordingPublisher(MessagePublisher):

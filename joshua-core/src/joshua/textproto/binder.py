@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 INCLUDE = "include"
 
-_URL = re.compile(r"[0-9a-zA-Z\-.~_!$&()*+,;=%/]+")
-_TYPE_NAME = re.compile(r"[^\d\W]\w*(\.[^\d\W]\w*)*", re.ASCII)
-_BAD_PERCENT = re.compile(r"%(?![0-9a-fA-F]{2})")
+_URL = r"[0-9a-zA-Z\-.~_!$&()*+,;=%/]+"
+_TYPE_NAME = r"(?a)[^\d\W]\w*(\.[^\d\W]\w*)*"
+_BAD_PERCENT = r"%(?![0-9a-fA-F]{2})"
 
 
 class Merge:
@@ -268,9 +268,9 @@ class Binder:
             fault = 'lacks the domain and the "/" before the type'
         elif not prefix or prefix.startswith("/"):
             fault = 'lacks the domain before the "/"'
-        elif _URL.fullmatch(field.name) is None or _BAD_PERCENT.search(prefix):
+        elif re.fullmatch(_URL, field.name) is None or re.search(_BAD_PERCENT, prefix):
             fault = "contains a character that a type URL cannot contain"
-        elif _TYPE_NAME.fullmatch(name) is None:
+        elif re.fullmatch(_TYPE_NAME, name) is None:
             fault = "does not end with the full name of a message"
         else:
             return name

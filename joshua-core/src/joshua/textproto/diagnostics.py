@@ -6,7 +6,6 @@ import json
 from bisect import bisect_right
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from joshua.textproto.limits import MAX_PROBLEMS
@@ -14,6 +13,7 @@ from joshua.textproto.source import Span as Span
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+    from pathlib import Path
 
     from joshua.plan import Diagnostic
     from joshua.textproto.source import Source
@@ -42,6 +42,8 @@ def read_codes(path: Path) -> dict[str, dict[str, CodeDoc]]:
 @cache
 def reading_codes() -> dict[str, CodeDoc]:
     """The codes of reading a text: files, syntax, names and values, includes, and ``--set``."""
+    from pathlib import Path  # only a file with problems needs it
+
     return read_codes(Path(__file__).with_name("codes.json"))["reading"]
 
 

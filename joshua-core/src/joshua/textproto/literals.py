@@ -12,7 +12,7 @@ from joshua.textproto.limits import MAX_NUMBER_CHARACTERS
 
 _Value = TypeVar("_Value")
 _OCTAL = re.compile(r"^(-?)0(\d+)$")
-_ESCAPE = re.compile(
+_ESCAPE = (
     r"\\(?:(?P<letter>[abfnrtv\\'\"])|(?P<octal>[0-7]{1,3})|x(?P<hex>[0-9a-fA-F]{1,2})"
     r"|u(?P<short>[0-9a-fA-F]{4})|U(?P<long>[0-9a-fA-F]{8})|(?P<bad>.|\Z))"
 )
@@ -73,7 +73,7 @@ def string_bytes(literal: str) -> bytes:
         return encoded(body)
     result = bytearray()
     at = 0
-    for match in _ESCAPE.finditer(body):
+    for match in re.finditer(_ESCAPE, body):
         result += encoded(body[at : match.start()])
         result += _unescape(match)
         at = match.end()

@@ -66,6 +66,10 @@ class Talker(Quiet):
         self.message = message_class("std_msgs/msg/String")
         self.publisher = self.context.publisher(self.context.spec.publishers[0])
         self.context.create_timer(0.02, self.tick, name="talk")
+        self.had_settings = self.context.spec.settings_type.partition(":")[0] in sys.modules
+
+    def test_results(self) -> list[tuple[str, bool, str]]:
+        return [("settings imported before", self.had_settings, "")]
 
     def tick(self) -> None:
         self.publisher.publish(self.message(data="hello"))
