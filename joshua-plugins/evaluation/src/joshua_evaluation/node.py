@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from joshua.api import NodeContext, Trainer
-from joshua_training.run_folder import RunError, RunFolder, described
+from joshua.api import NodeContext
+from joshua_training.run_folder import RunError
+from joshua_training.trainer import RunNode
 
 from joshua_evaluation import report
 from joshua_evaluation.checkpoints import CheckpointError
@@ -17,25 +17,20 @@ from joshua_evaluation.metrics import BUILT_IN, Metric, load_metric
 from joshua_evaluation.results import Intervals, Judged, as_csv, as_json
 from joshua_evaluation.settings import DEFAULT_SEED, Candidate, EvaluationSettings
 
-#: How long a stop waits for the files.
-SAVE_S = 8.0
-
-#: Longest time without a heartbeat, while a model is loaded or computes a chunk.
-HANG_S = 1800.0
-
 REPORT, TABLE, RESULTS = "report.html", "episodes.csv", "results.json"
 
 
-class Evaluation(Trainer):
+class Evaluation(RunNode):
     """Evaluates checkpoints in simulated episodes, and ends the run when all are played."""
+
+    THREAD = "evaluation"
+    CONTENT = "evaluation"
+    LATE = "files are missing"
 
     def __init__(self, context: NodeContext) -> None:
         super().__init__(context)
         self._settings = EvaluationSettings.model_validate(context.spec.settings)
-        self._ended = threading.Event()
-        self._ended.set()
         self._metrics: tuple[Metric, ...] = ()
-        self._folder: RunFolder | None = None
         self._about: dict[str, Any] = {}
 
     def configure(self) -> None:
@@ -55,7 +50,7 @@ class Evaluation(Trainer):
             "randomise": settings.randomise,
             "wanted": settings.num_episodes,
         }
-        hidden = {"output_folder", "environment", "environment_id", "candidates"}
+        hidden = {"output_folder", "resume_run", "environment", "environment_id", "candidates"}
         facts = {
             **self._about,
             "kind": "evaluation",
@@ -64,39 +59,23 @@ class Evaluation(Trainer):
                 **settings.model_dump(mode="json", exclude=hidden),
                 **{item.field.rpartition(".")[2]: item.given for item in settings.candidates},
             },
-            **described(Path(self.facts.folder or ".")),
         }
-        name = chosen.environment_id.rpartition("/")[2]
-        self._folder = RunFolder.create(Path(settings.output_folder), f"eval-{name}", facts)
-        self._about |= {"versions": facts["versions"], "started": self._folder.facts()["started"]}
+        self.begin(settings.output_folder, f"eval-{chosen.environment_id.rpartition('/')[2]}", facts)
+        self._about |= {key: self.folder.facts()[key] for key in ("versions", "started")}
 
-    def activate(self) -> None:
-        """Start playing."""
-        assert self._folder is not None
-        self.context.log.info("this evaluation is in %s", self._folder.path)
-        self._ended.clear()
-        self.context.spawn_thread(self._evaluate, name="evaluation", hang_after_s=HANG_S)
-
-    def deactivate(self) -> None:
-        """Wait for the files."""
-        if not self._ended.wait(SAVE_S):
-            self.context.log.warning("the evaluation did not stop within %g s: files are missing", SAVE_S)
-
-    def _evaluate(self) -> None:
-        try:
-            judged = self._judged()
-            if not judged or not judged[0].episodes:
-                return
-            wanted = self._settings.num_episodes * len(self._settings.candidates)
-            complete = sum(len(one.episodes) for one in judged) == wanted
-            clips, note = self._clips(judged) if complete else ([], "")
-            if self.context.stopping and complete:
-                note = "The run was stopped before all videos were made."
-            self._write(judged, clips, note, complete)
-            if complete:
-                self.context.end_run(self._summary(judged))
-        finally:
-            self._ended.set()
+    def work(self) -> None:
+        """Play the episodes, and write figures and report."""
+        judged = self._judged()
+        if not judged or not judged[0].episodes:
+            return
+        wanted = self._settings.num_episodes * len(self._settings.candidates)
+        complete = sum(len(one.episodes) for one in judged) == wanted
+        clips, note = self._clips(judged) if complete else ([], "")
+        if self.context.stopping and complete:
+            note = "The run was stopped before all videos were made."
+        self._write(judged, clips, note, complete)
+        if complete:
+            self.context.end_run(self._summary(judged))
 
     def _judged(self) -> list[Judged]:
         """Play all episodes with each checkpoint; fewer if the run is stopped."""
@@ -211,11 +190,10 @@ class Evaluation(Trainer):
     def _write(
         self, judged: Sequence[Judged], clips: Sequence[report.Clip], note: str, complete: bool
     ) -> None:
-        assert self._folder is not None
         settings = self._settings
         intervals = Intervals(settings.confidence, settings.bootstrap_samples, self._seed)
         results = as_json(judged, {**self._about, "complete": complete}, intervals)
-        folder = self._folder
+        folder = self.folder
         try:
             folder.write(TABLE, as_csv(judged).encode())
             folder.write(REPORT, report.page(results, judged, clips, note).encode())
@@ -225,10 +203,9 @@ class Evaluation(Trainer):
         self.context.log.info("report %s", folder.path / REPORT)
 
     def _summary(self, judged: Sequence[Judged]) -> str:
-        assert self._folder is not None
         rates = " against ".join(f"{one.success_rate:.2f}" for one in judged)
         count = len(judged[0].episodes)
-        return f"{count} episodes: success {rates}, {self._folder.path / REPORT}"
+        return f"{count} episodes: success {rates}, {self.folder.path / REPORT}"
 
 
 def _caption(label: str, judged: Judged, index: int) -> str:

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from joshua.api import BlockContext, BlockSettings, FieldError
+from joshua.api import BlockContext, FieldError
 from joshua.api.models import Compute
 from joshua.tools import nearest_first
+from joshua_training.settings import RunSettings
 from pydantic import BaseModel, ConfigDict, model_validator
 from typing_extensions import Self
 
@@ -40,7 +41,7 @@ class Candidate(BaseModel):
     model: ModelOffer | None = None
 
 
-class EvaluationSettings(BlockSettings):
+class EvaluationSettings(RunSettings):
     """Settings of an evaluation.
 
     Attributes:
@@ -48,8 +49,9 @@ class EvaluationSettings(BlockSettings):
         seed: of the first episode; None for that of the simulation.
     """
 
-    environment: str = ""
-    environment_id: str = ""
+    BLOCK = "eval_config"
+    REQUIRED = ("num_episodes",)
+
     candidates: tuple[Candidate, ...] = ()
     num_episodes: int = 1
     metrics: tuple[str, ...] = ()
@@ -59,7 +61,6 @@ class EvaluationSettings(BlockSettings):
     videos: int = 1
     camera: str = ""
     randomise: bool = False
-    output_folder: str = ""
     task: str = ""
     strategy: str = "SYNCHRONOUS"
     steps_per_chunk: int | None = None
@@ -69,28 +70,17 @@ class EvaluationSettings(BlockSettings):
     @classmethod
     def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
         """Take the fields of ``eval_config``, and recognise the checkpoints."""
-        del node
+        known = super().si_values(values, node, context)
         block: Mapping[str, Any] = values["eval_config"] or {}
-        known = {
-            name: value
-            for name, value in block.items()
-            if name in cls.model_fields and value is not None and name != "compute"
-        }
+        compute = Compute(**{k: v for k, v in (block.get("compute") or {}).items() if v is not None})
         folder = Path(context.folder)
-        known["output_folder"] = str(folder / (block.get("output_folder") or "runs"))
-        known["environment"] = values["environment"] or ""
-        known["environment_id"] = values["environment_id"] or ""
-        if block.get("compute"):
-            known["compute"] = Compute(**{k: v for k, v in block["compute"].items() if v is not None})
-        if not block.get("num_episodes"):
-            known.pop("num_episodes", None)  # the schema reports that it is missing
-        told = {"plugin": block.get("plugin_config"), "compute": known.get("compute", Compute())}
+        told = {"plugin": block.get("plugin_config"), "compute": compute}
         known["candidates"] = [
             {"told": {"field": name, "given": block[name], "folder": folder, "task": block["task"], **told}}
             for name in ("model_checkpoint", "compare_with")
             if block.get(name)
         ]
-        return known
+        return known | {"compute": compute}
 
     @model_validator(mode="before")
     @classmethod

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from joshua.api import BlockContext, BlockSettings, FieldError, FieldErrors
+from joshua.api import BlockContext, FieldError, FieldErrors
+from joshua_training.settings import RunSettings
 from pydantic import model_validator
 from typing_extensions import Self
 
@@ -30,23 +31,22 @@ _ONLY = {
     "lora_rank": ("smolvla",),
 }
 
-#: Fields whose omission the schema reports by itself.
-_REQUIRED = ("dataset_name", "num_epochs", "learning_rate", "batch_size")
-
 _PICTURES = "observation.images."
 
 #: How long a stop waits for the last checkpoint.
 SAVE_S = 60.0
 
 
-class ImitationSettings(BlockSettings):
+class ImitationSettings(RunSettings):
     """Settings of a training; None leaves a choice to the policy.
 
     Attributes:
         dataset: folder of the data set, or its id on the hub.
     """
 
-    environment: str = ""
+    BLOCK = "imitation_config"
+    REQUIRED = ("dataset_name", "num_epochs", "learning_rate", "batch_size")
+
     dataset: str = ""
     dataset_name: str = "-"
     num_epochs: int = 1
@@ -72,9 +72,7 @@ class ImitationSettings(BlockSettings):
     threads: int = 0
     workers: int = 2
     seed: int = 0
-    output_folder: str = ""
     checkpoint_steps: int = 1000
-    resume_run: str = ""
     report_steps: int = 50
     picture_cache_mb: int = 4096
     hidden_size: int | None = None
@@ -88,24 +86,15 @@ class ImitationSettings(BlockSettings):
 
     @classmethod
     def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
-        """Take the fields of ``imitation_config``, and make folders absolute."""
-        del node
-        block: Mapping[str, Any] = values["imitation_config"] or {}
-        known = {
-            name: value
-            for name, value in block.items()
-            if name in cls.model_fields and value is not None and not (name in _REQUIRED and not value)
-        }
+        """Take the fields of the block; a data set and a checkpoint are folders, or names on the hub."""
+        known = super().si_values(values, node, context)
         folder = Path(context.folder)
-        known["output_folder"] = str(folder / (block.get("output_folder") or "runs"))
-        for name in ("resume_run", "pretrained"):
-            place = folder / Path(block.get(name) or "").expanduser()
-            if block.get(name) and (name == "resume_run" or place.exists()):
-                known[name] = str(place)
-        name = str(block.get("dataset_name") or "")
+        if known.get("pretrained") and (place := folder / Path(known["pretrained"]).expanduser()).exists():
+            known["pretrained"] = str(place)
+        name = str(known.get("dataset_name") or "")
         place = folder / Path(name).expanduser()
         known["dataset"] = context.data_store.path or (str(place) if name and place.is_dir() else name)
-        return known | {"environment": values["environment"] or ""}
+        return known
 
     @property
     def ready_timeout_s(self) -> float:

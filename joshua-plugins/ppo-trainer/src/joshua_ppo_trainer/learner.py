@@ -117,6 +117,11 @@ class Learner:
         return int(self._model.num_timesteps)
 
     @property
+    def complete_steps(self) -> int:
+        """Environment steps of the complete iterations, which a snapshot holds."""
+        return int(self._snapshot[2]["steps"]) if self._snapshot is not None else 0
+
+    @property
     def policy(self) -> Any:
         """Policy of stable-baselines3."""
         return self._model.policy

@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from pathlib import Path
-from typing import Any
 
-from joshua.api import BlockContext, BlockSettings, FieldError
+from joshua.api import FieldError
+from joshua_training.settings import RunSettings
 from pydantic import model_validator
 from typing_extensions import Self
 
 ALGORITHMS = ("PPO", "SAC")
-
-#: Fields whose omission the schema reports by itself.
-_REQUIRED = ("algorithm", "num_envs", "total_timesteps", "learning_rate", "batch_size")
 
 
 @dataclass(frozen=True)
@@ -43,11 +39,12 @@ SUITABLE: Mapping[str, Suitable] = {
 }
 
 
-class TrainerSettings(BlockSettings):
+class TrainerSettings(RunSettings):
     """Settings of a training; None leaves a choice to the environment."""
 
-    environment: str = ""
-    environment_id: str = ""
+    BLOCK = "rl_config"
+    REQUIRED = ("algorithm", "num_envs", "total_timesteps", "learning_rate", "batch_size")
+
     algorithm: str = "PPO"
     num_envs: int = 1
     total_timesteps: int = 1
@@ -68,31 +65,12 @@ class TrainerSettings(BlockSettings):
     normalize_observations: bool | None = None
     normalize_rewards: bool | None = None
     randomise: bool = False
-    output_folder: str = ""
     checkpoint_steps: int = 100_000
-    resume_run: str = ""
     physics_threads: int = 0
     buffer_size: int = 300_000
     learning_starts: int = 5_000
     tau: float = 0.005
     updates_per_step: int = 8
-
-    @classmethod
-    def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
-        """Take the fields of ``rl_config``, and make folders absolute."""
-        del node
-        block: Mapping[str, Any] = values["rl_config"] or {}
-        known = {
-            name: value
-            for name, value in block.items()
-            if name in cls.model_fields and value is not None and not (name in _REQUIRED and not value)
-        }
-        folder = Path(context.folder)
-        known["output_folder"] = str(folder / (block.get("output_folder") or "runs"))
-        if block.get("resume_run"):
-            known["resume_run"] = str(folder / block["resume_run"])
-        own = {name: values[name] or "" for name in ("environment", "environment_id")}
-        return known | own
 
     @model_validator(mode="after")
     def _fits(self) -> Self:

@@ -1,0 +1,205 @@
+"""Base classes of the nodes of trainings and evaluations: thread, run folder, metrics, checkpoints."""
+
+from __future__ import annotations
+
+import threading
+from abc import abstractmethod
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+from joshua.api import NodeContext, Trainer
+
+from joshua_training.board import Board
+from joshua_training.curves import draw
+from joshua_training.run_folder import RunError, RunFolder, described, refuse_other
+
+
+class RunNode(Trainer):
+    """A node that works on a thread of its own, in the folder of a run, until it ends the run.
+
+    ``configure`` calls ``begin``, which creates the folder. ``deactivate`` waits for the thread.
+    """
+
+    #: Name of the thread; what is in the folder, for the log; what a late stop costs.
+    THREAD: ClassVar[str] = "learner"
+    CONTENT: ClassVar[str] = "run"
+    LATE: ClassVar[str] = "its last checkpoint is complete"
+
+    #: How long a stop waits for the last files.
+    SAVE_S: ClassVar[float] = 8.0
+
+    #: Longest time without a heartbeat, during an update on a slow machine.
+    HANG_S: ClassVar[float] = 1800.0
+
+    def __init__(self, context: NodeContext) -> None:
+        super().__init__(context)
+        self._ended = threading.Event()
+        self._ended.set()
+        self._folder: RunFolder | None = None
+
+    @property
+    def folder(self) -> RunFolder:
+        """Folder of the run, after ``begin``."""
+        assert self._folder is not None
+        return self._folder
+
+    @abstractmethod
+    def work(self) -> None:
+        """Do the work, on its thread: poll ``context.stopping``, and call ``context.end_run`` at the end."""
+
+    def begin(self, parent: str, name: str, facts: Mapping[str, Any]) -> None:
+        """Create the folder of a new run, with versions and git state in ``run.json``. Raises RunError."""
+        about = {**facts, **described(Path(self.facts.folder or "."))}
+        self._folder = RunFolder.create(Path(parent), name, about)
+
+    def activate(self) -> None:
+        """Start the work."""
+        self.context.log.info("this %s is in %s", self.CONTENT, self.folder.path)
+        self._ended.clear()
+        self.context.spawn_thread(self._work, name=self.THREAD, hang_after_s=self.HANG_S)
+
+    def deactivate(self) -> None:
+        """Wait for the last files."""
+        if not self._ended.wait(self.SAVE_S):
+            self.context.log.warning(
+                "the %s did not stop within %g s: %s", self.THREAD, self.SAVE_S, self.LATE
+            )
+
+    def cleanup(self) -> None:
+        """Release what the work used, unless it still uses it."""
+        if self._ended.is_set():
+            self.release()
+
+    def release(self) -> None:
+        """Close environments, files and the like."""
+
+    def _work(self) -> None:
+        try:
+            self.work()
+        finally:
+            self._ended.set()
+
+
+class LearningNode(RunNode):
+    """A node that learns in steps, with metrics, checkpoints, and runs that can be continued.
+
+    ``configure`` calls ``reopen`` first, and then ``begin``, or ``continue_after`` if there is a run to
+    continue.
+    """
+
+    #: Unit of the steps.
+    UNIT: ClassVar[str] = "steps"
+
+    #: Metrics of the status line: name and format.
+    SHOWN: ClassVar[tuple[tuple[str, str], ...]] = ()
+
+    #: Settings that a continued run may change.
+    FREE: ClassVar[Collection[str]] = ()
+
+    #: Steps from one checkpoint to the next, set in ``configure``.
+    checkpoint_steps = 1000
+
+    #: Steps of the last checkpoint.
+    _saved = -1
+
+    @property
+    @abstractmethod
+    def steps(self) -> int:
+        """Complete steps so far, those of the next checkpoint."""
+
+    @property
+    @abstractmethod
+    def total(self) -> int:
+        """Steps of the whole training."""
+
+    @abstractmethod
+    def advance(self) -> Mapping[str, float] | None:
+        """Learn for a while; return a row of metrics if one is due.
+
+        Raises:
+            RunError: learning cannot go on; the state from before is saved.
+        """
+
+    @abstractmethod
+    def save(self) -> Path:
+        """Write a checkpoint of the complete steps, by ``folder.save`` or ``save_by``. Raises RunError."""
+
+    def prepare(self) -> bool:
+        """Do what takes long and precedes the first step; return False if the run stops."""
+        return True
+
+    def result(self) -> str:
+        """Return where the result is, for the last line of the run."""
+        return str(self.folder.path)
+
+    def reopen(self, run: str, facts: Mapping[str, Any]) -> Path | None:
+        """Open the run to continue, and return its last checkpoint; None if ``run`` is "".
+
+        Raises:
+            RunError: there is none, it has no checkpoint, or it was started with other settings.
+        """
+        if not run:
+            return None
+        self._folder = RunFolder.open(Path(run))
+        refuse_other(self._folder.facts(), facts, self.FREE)
+        whole = self._folder.checkpoints()
+        if not whole:
+            raise RunError(f"{self._folder.path} has no checkpoint to continue from: start a new run")
+        return whole[-1]
+
+    def continue_after(self, checkpoint: Path) -> None:
+        """Continue after the steps of a checkpoint, which is restored."""
+        self._saved = self.steps
+        self.folder.cut_metrics(self.steps)
+        self.context.log.info("continuing after %d %s from %s", self.steps, self.UNIT, checkpoint)
+
+    def work(self) -> None:
+        """Learn to the end, or until the run stops, and save."""
+        if not self.prepare():
+            return
+        board = Board(self.folder.path / "tensorboard", self.steps)
+        latest: dict[str, float] = {}
+        try:
+            while self.steps < self.total and not self.context.stopping:
+                row = self.advance()
+                if row is not None:
+                    latest |= row
+                    self.folder.add_metrics(row)
+                    board.add(row, self.steps)
+                    self.context.show(self._shown(latest))
+                if self.steps - max(self._saved, 0) >= self.checkpoint_steps:
+                    self._save()
+            self._save()
+            picture = draw(self.folder)
+            if self.steps >= self.total:
+                drawn = f", its curves in {picture}" if picture is not None else ""
+                self.context.end_run(
+                    f"{self.steps} {self.UNIT} learned: {self._shown(latest)}; {self.result()}{drawn}"
+                )
+        except OSError as error:
+            raise RunError(
+                f"{self.folder.path} cannot be written: {error.strerror or error}: free some space, and "
+                "continue with resume_run"
+            ) from error
+        except RunError:
+            self._save_if_possible()  # the state from before the failure
+            raise
+        finally:
+            board.close()
+
+    def _save(self) -> None:
+        if self.steps == self._saved:
+            return
+        path = self.save()
+        self._saved = self.steps
+        self.context.log.info("checkpoint %s", path)
+
+    def _save_if_possible(self) -> None:
+        try:
+            self._save()
+        except RunError as error:
+            self.context.log.error("%s", error)
+
+    def _shown(self, row: Mapping[str, float]) -> str:
+        return ", ".join(form.format(row[key]) for key, form in self.SHOWN if key in row)
