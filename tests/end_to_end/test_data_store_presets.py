@@ -36,6 +36,7 @@ def test_an_expert_shows_a_task_to_the_recorder(joshua_run: JoshuaProgram, tmp_p
     changes = {
         "simulation.model_path": '"so_arm100/reach.xml"',
         "robot.actions[expert].sim_config.demonstrate": '"joshua/SoArm100Reach-v0"',
+        "robot.perceptions[camera_work].sim_camera_config.camera": '"top"',
         "ai.data_store.local_path": str(folder),
     }
     words = [word for path, value in changes.items() for word in ("--set", f"{path}={value}")]
@@ -50,7 +51,7 @@ def test_an_expert_shows_a_task_to_the_recorder(joshua_run: JoshuaProgram, tmp_p
     assert "episode 1 of 1\n1 episodes recorded" in shown.stdout
     recorded = Dataset.read(folder)
     first = next(iter(recorded.episode_list()))
-    assert sorted(first.pictures) == ["observation.images.top", "observation.images.wrist"]
+    assert sorted(first.pictures) == ["observation.images.work", "observation.images.wrist"]
     assert set(recorded.features) == {"acquisition_ns", "observation.state", "action", *first.pictures}
     assert recorded.fps == 25
     columns = recorded.columns(first)

@@ -135,6 +135,8 @@ CHANGES: list[dict[str, Any]] = [
     {"backbone_learning_rate": 1e-5},
     {"weight_decay": 0.5},
     {"max_grad_norm": 0.001},
+    {"learning_rate_schedule": "cosine"},
+    {"use_vae": False},
 ]
 
 

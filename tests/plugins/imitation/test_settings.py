@@ -84,6 +84,7 @@ def test_a_loss_that_a_policy_does_not_have_is_refused_at_its_line(
     ("fields", "at", "said"),
     [
         ('policy_type: "diffusion" encoder_layers: 2', "encoder_layers", "it belongs to act"),
+        ('policy_type: "diffusion" use_vae: false', "use_vae", "it belongs to act"),
         ("hidden_size: 100", "hidden_size", "so a width of 100 does not fit"),
         ("lora_rank: 8", "lora_rank", "no effect with the policy act: it belongs to smolvla"),
         ('policy_type: "smolvla"', "policy_type", "it requires a checkpoint to start from"),

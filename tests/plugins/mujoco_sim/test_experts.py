@@ -13,12 +13,13 @@ from joshua_mujoco_sim.envs.tasks import pick_place
 from joshua_mujoco_sim.model_file import load_model
 
 
-def successes(name: str, seeds: range, **options: Any) -> int:
+def successes(name: str, seeds: range, recoveries: float = 0.0, **options: Any) -> int:
     environment = make_environment(name, disable_env_checker=True, **options).unwrapped
-    expert: Any = EXPERTS[name](environment)
+    expert: Any = EXPERTS[name](environment, recoveries=recoveries, seed=0)
     done = 0
     for seed in seeds:
         environment.reset(seed=seed)
+        expert.scatter(seed)
         expert.reset()
         for _ in range(environment.task.max_steps):
             action = expert.act()
@@ -50,6 +51,26 @@ def test_noise_makes_other_demonstrations_that_succeed() -> None:
     actions = [EXPERTS[name](environment, noise_rad=0.005, seed=seed).act() for seed in (1, 1, 2)]
     assert np.array_equal(actions[0], actions[1])
     assert not np.array_equal(actions[0], actions[2])
+
+
+@pytest.mark.parametrize("name", EXPERTS)
+def test_recoveries_start_anywhere_and_succeed(name: str) -> None:
+    assert successes(name, range(10), recoveries=1.0) >= 9
+    environment = make_environment(name, disable_env_checker=True).unwrapped
+    half, never = (EXPERTS[name](environment, recoveries=share) for share in (0.5, 0.0))
+
+    def starts(expert: Any) -> list[Any]:
+        found = []
+        for seed in range(20):
+            environment.reset(seed=seed)
+            expert.scatter(seed)
+            found.append(environment.state.qpos[0, :6].copy())
+        return found
+
+    first, again, usual = starts(half), starts(half), starts(never)
+    assert np.array_equal(first, again)
+    moved = [np.abs(here - there).max() > 0.2 for here, there in zip(first, usual, strict=True)]
+    assert 5 <= sum(moved) <= 15
 
 
 def test_inverse_kinematics_reaches_a_place_with_the_jaws_along_a_line() -> None:

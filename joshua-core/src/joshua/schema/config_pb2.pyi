@@ -496,7 +496,7 @@ class MockMotorConfig(_message.Message):
     def __init__(self, num_motors: _Optional[int] = ..., position_min: _Optional[int] = ..., position_max: _Optional[int] = ..., motion: _Optional[_Union[MockMotion, str]] = ..., motion_amplitude_rad: _Optional[float] = ..., motion_frequency_hz: _Optional[float] = ..., motion_file: _Optional[str] = ..., time_constant_s: _Optional[float] = ...) -> None: ...
 
 class SimActuatorConfig(_message.Message):
-    __slots__ = ("actuators", "motion", "motion_amplitude_rad", "motion_frequency_hz", "motion_file", "demonstrate", "noise_rad")
+    __slots__ = ("actuators", "motion", "motion_amplitude_rad", "motion_frequency_hz", "motion_file", "demonstrate", "noise_rad", "recoveries")
     ACTUATORS_FIELD_NUMBER: _ClassVar[int]
     MOTION_FIELD_NUMBER: _ClassVar[int]
     MOTION_AMPLITUDE_RAD_FIELD_NUMBER: _ClassVar[int]
@@ -504,6 +504,7 @@ class SimActuatorConfig(_message.Message):
     MOTION_FILE_FIELD_NUMBER: _ClassVar[int]
     DEMONSTRATE_FIELD_NUMBER: _ClassVar[int]
     NOISE_RAD_FIELD_NUMBER: _ClassVar[int]
+    RECOVERIES_FIELD_NUMBER: _ClassVar[int]
     actuators: _containers.RepeatedScalarFieldContainer[str]
     motion: MockMotion
     motion_amplitude_rad: float
@@ -511,7 +512,8 @@ class SimActuatorConfig(_message.Message):
     motion_file: str
     demonstrate: str
     noise_rad: float
-    def __init__(self, actuators: _Optional[_Iterable[str]] = ..., motion: _Optional[_Union[MockMotion, str]] = ..., motion_amplitude_rad: _Optional[float] = ..., motion_frequency_hz: _Optional[float] = ..., motion_file: _Optional[str] = ..., demonstrate: _Optional[str] = ..., noise_rad: _Optional[float] = ...) -> None: ...
+    recoveries: float
+    def __init__(self, actuators: _Optional[_Iterable[str]] = ..., motion: _Optional[_Union[MockMotion, str]] = ..., motion_amplitude_rad: _Optional[float] = ..., motion_frequency_hz: _Optional[float] = ..., motion_file: _Optional[str] = ..., demonstrate: _Optional[str] = ..., noise_rad: _Optional[float] = ..., recoveries: _Optional[float] = ...) -> None: ...
 
 class SpikeMotorConfig(_message.Message):
     __slots__ = ("comm", "port_names")
@@ -970,7 +972,7 @@ class RLConfig(_message.Message):
     def __init__(self, algorithm: _Optional[str] = ..., num_envs: _Optional[int] = ..., total_timesteps: _Optional[int] = ..., learning_rate: _Optional[float] = ..., gamma: _Optional[float] = ..., clip_range: _Optional[float] = ..., batch_size: _Optional[int] = ..., reward_function: _Optional[str] = ..., n_steps: _Optional[int] = ..., n_epochs: _Optional[int] = ..., gae_lambda: _Optional[float] = ..., entropy_weight: _Optional[float] = ..., value_weight: _Optional[float] = ..., max_grad_norm: _Optional[float] = ..., target_kl: _Optional[float] = ..., hidden_sizes: _Optional[_Iterable[int]] = ..., activation: _Optional[str] = ..., initial_log_std: _Optional[float] = ..., normalize_observations: _Optional[bool] = ..., normalize_rewards: _Optional[bool] = ..., randomise: _Optional[bool] = ..., output_folder: _Optional[str] = ..., checkpoint_steps: _Optional[int] = ..., resume_run: _Optional[str] = ..., physics_threads: _Optional[int] = ..., buffer_size: _Optional[int] = ..., learning_starts: _Optional[int] = ..., tau: _Optional[float] = ..., updates_per_step: _Optional[int] = ...) -> None: ...
 
 class ImitationConfig(_message.Message):
-    __slots__ = ("dataset_name", "num_epochs", "learning_rate", "batch_size", "loss_function", "policy_type", "pretrained", "max_steps", "chunk_size", "actions_per_chunk", "cameras", "image_width", "image_height", "validation_share", "validation_steps", "validation_batches", "colour_jitter", "shift_px", "accumulation_steps", "device", "precision", "threads", "workers", "seed", "output_folder", "checkpoint_steps", "resume_run", "report_steps", "picture_cache_mb", "hidden_size", "feedforward_size", "encoder_layers", "pretrained_backbone", "backbone_learning_rate", "weight_decay", "max_grad_norm", "lora_rank")
+    __slots__ = ("dataset_name", "num_epochs", "learning_rate", "batch_size", "loss_function", "policy_type", "pretrained", "max_steps", "chunk_size", "actions_per_chunk", "cameras", "image_width", "image_height", "validation_share", "validation_steps", "validation_batches", "colour_jitter", "shift_px", "accumulation_steps", "device", "precision", "threads", "workers", "seed", "output_folder", "checkpoint_steps", "resume_run", "report_steps", "picture_cache_mb", "hidden_size", "feedforward_size", "encoder_layers", "pretrained_backbone", "backbone_learning_rate", "weight_decay", "max_grad_norm", "lora_rank", "learning_rate_schedule", "use_vae")
     DATASET_NAME_FIELD_NUMBER: _ClassVar[int]
     NUM_EPOCHS_FIELD_NUMBER: _ClassVar[int]
     LEARNING_RATE_FIELD_NUMBER: _ClassVar[int]
@@ -1008,6 +1010,8 @@ class ImitationConfig(_message.Message):
     WEIGHT_DECAY_FIELD_NUMBER: _ClassVar[int]
     MAX_GRAD_NORM_FIELD_NUMBER: _ClassVar[int]
     LORA_RANK_FIELD_NUMBER: _ClassVar[int]
+    LEARNING_RATE_SCHEDULE_FIELD_NUMBER: _ClassVar[int]
+    USE_VAE_FIELD_NUMBER: _ClassVar[int]
     dataset_name: str
     num_epochs: int
     learning_rate: float
@@ -1045,7 +1049,9 @@ class ImitationConfig(_message.Message):
     weight_decay: float
     max_grad_norm: float
     lora_rank: int
-    def __init__(self, dataset_name: _Optional[str] = ..., num_epochs: _Optional[int] = ..., learning_rate: _Optional[float] = ..., batch_size: _Optional[int] = ..., loss_function: _Optional[str] = ..., policy_type: _Optional[str] = ..., pretrained: _Optional[str] = ..., max_steps: _Optional[int] = ..., chunk_size: _Optional[int] = ..., actions_per_chunk: _Optional[int] = ..., cameras: _Optional[_Iterable[str]] = ..., image_width: _Optional[int] = ..., image_height: _Optional[int] = ..., validation_share: _Optional[float] = ..., validation_steps: _Optional[int] = ..., validation_batches: _Optional[int] = ..., colour_jitter: _Optional[float] = ..., shift_px: _Optional[int] = ..., accumulation_steps: _Optional[int] = ..., device: _Optional[str] = ..., precision: _Optional[str] = ..., threads: _Optional[int] = ..., workers: _Optional[int] = ..., seed: _Optional[int] = ..., output_folder: _Optional[str] = ..., checkpoint_steps: _Optional[int] = ..., resume_run: _Optional[str] = ..., report_steps: _Optional[int] = ..., picture_cache_mb: _Optional[int] = ..., hidden_size: _Optional[int] = ..., feedforward_size: _Optional[int] = ..., encoder_layers: _Optional[int] = ..., pretrained_backbone: _Optional[bool] = ..., backbone_learning_rate: _Optional[float] = ..., weight_decay: _Optional[float] = ..., max_grad_norm: _Optional[float] = ..., lora_rank: _Optional[int] = ...) -> None: ...
+    learning_rate_schedule: str
+    use_vae: bool
+    def __init__(self, dataset_name: _Optional[str] = ..., num_epochs: _Optional[int] = ..., learning_rate: _Optional[float] = ..., batch_size: _Optional[int] = ..., loss_function: _Optional[str] = ..., policy_type: _Optional[str] = ..., pretrained: _Optional[str] = ..., max_steps: _Optional[int] = ..., chunk_size: _Optional[int] = ..., actions_per_chunk: _Optional[int] = ..., cameras: _Optional[_Iterable[str]] = ..., image_width: _Optional[int] = ..., image_height: _Optional[int] = ..., validation_share: _Optional[float] = ..., validation_steps: _Optional[int] = ..., validation_batches: _Optional[int] = ..., colour_jitter: _Optional[float] = ..., shift_px: _Optional[int] = ..., accumulation_steps: _Optional[int] = ..., device: _Optional[str] = ..., precision: _Optional[str] = ..., threads: _Optional[int] = ..., workers: _Optional[int] = ..., seed: _Optional[int] = ..., output_folder: _Optional[str] = ..., checkpoint_steps: _Optional[int] = ..., resume_run: _Optional[str] = ..., report_steps: _Optional[int] = ..., picture_cache_mb: _Optional[int] = ..., hidden_size: _Optional[int] = ..., feedforward_size: _Optional[int] = ..., encoder_layers: _Optional[int] = ..., pretrained_backbone: _Optional[bool] = ..., backbone_learning_rate: _Optional[float] = ..., weight_decay: _Optional[float] = ..., max_grad_norm: _Optional[float] = ..., lora_rank: _Optional[int] = ..., learning_rate_schedule: _Optional[str] = ..., use_vae: _Optional[bool] = ...) -> None: ...
 
 class EvalConfig(_message.Message):
     __slots__ = ("model_checkpoint", "num_episodes", "metrics", "compare_with", "seed", "confidence", "bootstrap_samples", "videos", "camera", "randomise", "output_folder", "task", "strategy", "steps_per_chunk", "inference_delay", "compute", "plugin_config")

@@ -25,6 +25,9 @@ _IMAGENET = {"mean": (0.485, 0.456, 0.406), "std": (0.229, 0.224, 0.225)}
 
 _BACKBONE = "ResNet18_Weights.IMAGENET1K_V1"
 
+#: Most updates in which a cosine schedule rises.
+_MOST_WARM_UP = 500
+
 
 @dataclass
 class Parts:
@@ -153,6 +156,7 @@ def _chosen(settings: ImitationSettings, values: Mapping[str, Any]) -> dict[str,
             "dim_model": settings.hidden_size,
             "dim_feedforward": settings.feedforward_size,
             "n_encoder_layers": settings.encoder_layers,
+            "use_vae": settings.use_vae,
         }
         chosen |= {name: value for name, value in own.items() if value is not None}
     return chosen
@@ -212,9 +216,10 @@ def make_parts(
         [p for p in policy.parameters() if p.requires_grad] if settings.lora_rank else base.get_optim_params()
     )
     optimiser = preset.build(parameters)
-    shape = config.get_scheduler_preset()
     drop_last = int(getattr(config, "drop_n_last_frames", 0))
-    schedule = shape.build(optimiser, max(1, steps(drop_last))) if shape is not None else None
+    last = max(1, steps(drop_last))
+    shape = _schedule(settings, config, last)
+    schedule = shape.build(optimiser, last) if shape is not None else None
     indices = config.observation_delta_indices
     return Parts(
         policy=policy,
@@ -228,6 +233,23 @@ def make_parts(
         drop_last=drop_last,
         inner=inner,
         adapters=bool(settings.lora_rank),
+    )
+
+
+def _schedule(settings: ImitationSettings, config: Any, last: int) -> Any:
+    """Return how the step size changes: LeRobot's description, None for a constant one."""
+    if settings.learning_rate_schedule == "constant":
+        return None
+    if settings.learning_rate_schedule != "cosine":
+        return config.get_scheduler_preset()
+    from lerobot.optim.schedulers import CosineDecayWithWarmupSchedulerConfig
+
+    rate = settings.learning_rate
+    return CosineDecayWithWarmupSchedulerConfig(
+        num_warmup_steps=min(_MOST_WARM_UP, last // 20),
+        num_decay_steps=last,
+        peak_lr=rate,
+        decay_lr=rate / 100,
     )
 
 

@@ -28,6 +28,7 @@ _ONLY = {
     "encoder_layers": ("act",),
     "backbone_learning_rate": ("act",),
     "pretrained_backbone": ("act", "diffusion"),
+    "use_vae": ("act",),
     "lora_rank": ("smolvla",),
 }
 
@@ -83,6 +84,8 @@ class ImitationSettings(RunSettings):
     weight_decay: float | None = None
     max_grad_norm: float | None = None
     lora_rank: int | None = None
+    learning_rate_schedule: str = ""
+    use_vae: bool | None = None
 
     @classmethod
     def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
@@ -142,7 +145,7 @@ class ImitationSettings(RunSettings):
             )
         for name, policies in _ONLY.items():
             value = getattr(self, name)
-            if policy not in policies and value is not None and value is not False:
+            if policy not in policies and value != type(self).model_fields[name].default:
                 yield _error(
                     name,
                     f"{name} has no effect with the policy {policy}: it belongs to {' and '.join(policies)}",

@@ -154,7 +154,10 @@ class SimActuator(Actuator):
         if self.settings.demonstrate:
             from joshua_mujoco_sim.demonstrating import Demonstrator
 
-            self._demonstrator = Demonstrator(world, self.settings.demonstrate, self.settings.noise_rad)
+            settings = self.settings
+            self._demonstrator = Demonstrator(
+                world, settings.demonstrate, settings.noise_rad, settings.recoveries
+            )
             world.demonstrator = self._demonstrator
             self._unhook = world.before_step(self._demonstrator.advance)
             return

@@ -18,8 +18,11 @@ from joshua_mujoco_sim.envs.terms import Evaluator
 from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.world import World
 
-#: Simulated time for the follower to settle at the start of a scene.
-SETTLE_S = 0.6
+#: Simulated time for the follower to settle at the start of a scene, at least and at most.
+SETTLE_S, LONGEST_SETTLE_S = 0.6, 3.0
+
+#: Distance from the start at which the follower has settled.
+SETTLED_RAD = 0.02
 
 _ONLY = np.zeros(1, np.int64)
 
@@ -57,15 +60,16 @@ class Demonstrator:
 
     Args:
         world: that runs the task's model; task: id of the environment; noise_rad: of the goals.
+        recoveries: share of the episodes that show recoveries.
     """
 
-    def __init__(self, world: World, task: str, noise_rad: float) -> None:
+    def __init__(self, world: World, task: str, noise_rad: float, recoveries: float = 0.0) -> None:
         self._world, self._task = world, TASKS[task]()
         self._state = _LiveState(world, self._task.action_size)
         self._task.prepare(self._state)
         self._evaluator = Evaluator(self._task, self._state, "absolute")
         stage: Any = SimpleNamespace(state=self._state, features=self._evaluator.features)
-        self._expert = EXPERTS[task](stage, noise_rad=noise_rad, seed=0)
+        self._expert = EXPERTS[task](stage, noise_rad=noise_rad, seed=0, recoveries=recoveries)
         self._period_s = self._task.frame_skip * world.physics.timestep_s
         self._phase, self._steps, self._next_s, self._seed = "resting", 0, 0.0, 0
         self._goal: FloatArray = np.array(self._state.ctrl[0])
@@ -104,6 +108,9 @@ class Demonstrator:
         if physics.time_s < self._next_s - 1e-9:
             return
         if self._phase == "settling":
+            late = physics.time_s >= self._next_s + LONGEST_SETTLE_S - SETTLE_S
+            if not late and np.abs(self._state.ctrl[0] - self._goal).max() > SETTLED_RAD:
+                return
             self._start_scene()  # the follower now holds its goal at the start of the scene
             self._phase = "ready"
         elif self._phase == "showing":
@@ -120,4 +127,5 @@ class Demonstrator:
 
     def _start_scene(self) -> None:
         self._evaluator.reset(_ONLY, (np.random.default_rng(self._seed),))
+        self._expert.scatter(self._seed)
         self._goal = np.array(self._state.ctrl[0])

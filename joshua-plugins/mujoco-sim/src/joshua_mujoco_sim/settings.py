@@ -225,6 +225,7 @@ class SimActuatorSettings(ActuatorSettings):
         calibration: None if the joints count from the model's zero.
         motion, motion_amplitude_rad, motion_frequency_hz, motion_file: motion with torque off.
         demonstrate: id of the demonstrator's task, "" for none; noise_rad: of its goals.
+        recoveries: share of its episodes that show recoveries.
     """
 
     actuators: tuple[str, ...]
@@ -236,6 +237,7 @@ class SimActuatorSettings(ActuatorSettings):
     motion_file: str
     demonstrate: str = ""
     noise_rad: float = 0.0
+    recoveries: float = 0.0
     model_path: str = ""
     joint_ranges: tuple[dict[str, Any], ...] = ()
     calibration: ArmCalibration | None = None

@@ -199,8 +199,8 @@ def _record(recorder: Recorder, expert: Any, task: str, arguments: argparse.Name
 
 SIMULATOR, RECORDER = "/simulation", "/data_store"
 
-#: Longest wall time of a demonstration or a scene.
-LONGEST_S = 300.0
+#: Longest wall time of a demonstration or a scene, and of a new run until each of its topics has a message.
+LONGEST_S, FIRST_MESSAGES_S = 300.0, 15.0
 
 
 def _show(arguments: argparse.Namespace) -> int:
@@ -224,7 +224,7 @@ def _show(arguments: argparse.Namespace) -> int:
                 "`joshua --config data_store_demonstrations.pbtxt`, then run this in another terminal",
             )
         while kept < arguments.episodes and in_a_row < MOST_FAILED:
-            if _one(systems[0], seed):
+            if _one(systems[0], seed, patience_s=FIRST_MESSAGES_S if seed == arguments.seed else 0.0):
                 kept, in_a_row = kept + 1, 0
                 sys.stdout.write(f"episode {kept} of {arguments.episodes}\n")
                 sys.stdout.flush()
@@ -241,11 +241,12 @@ def _show(arguments: argparse.Namespace) -> int:
     return ExitCode.OK if kept == arguments.episodes else ExitCode.FAILED
 
 
-def _one(system: Any, seed: int) -> bool:
+def _one(system: Any, seed: int, patience_s: float) -> bool:
     """Demonstrate one scene. Raises CallError; the recorder discards partial episodes."""
-    system.call(SIMULATOR, "set_scene", {"seed": seed})
+    until_s = time.monotonic() + patience_s
+    _call(system, SIMULATOR, "set_scene", {"seed": seed}, until_s)
     _wait(system, ("ready",))
-    system.call(RECORDER, "start", {}, timeout_s=30.0)
+    _call(system, RECORDER, "start", {}, until_s)
     recorded = False
     try:
         system.call(SIMULATOR, "show", {})
@@ -253,6 +254,20 @@ def _one(system: Any, seed: int) -> bool:
     finally:
         system.call(RECORDER, "keep" if recorded else "discard", {}, timeout_s=60.0)
     return recorded
+
+
+def _call(system: Any, node: str, verb: str, request: dict[str, Any], until_s: float) -> None:
+    """Call a node, again while it starts: a recorder waits for a message on every topic. Raises CallError."""
+    from joshua.tools import CallError
+
+    while True:
+        try:
+            system.call(node, verb, request, timeout_s=30.0)
+            return
+        except CallError as error:
+            if error.code not in ("refused", "not-running") or time.monotonic() > until_s:
+                raise
+            time.sleep(0.2)
 
 
 def _wait(system: Any, phases: tuple[str, ...]) -> str:

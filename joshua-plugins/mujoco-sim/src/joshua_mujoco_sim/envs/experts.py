@@ -27,12 +27,24 @@ HOVER_M, CARRY_M = 0.042, 0.028
 #: Height of the grip above the centre of the cube when grasping; keeps the moving jaw clear of the table.
 GRASP_M = 0.006
 
+#: Recoveries: spread of the first approach beside its target, and of its angle.
+ASTRAY_M, ASTRAY_RAD = 0.02, 0.3
+
+#: Recoveries: heights of the grip at the start, above the table.
+START_LOW_M, START_HIGH_M = 0.05, 0.16
+
 
 class Expert(Protocol):
     """Solves a task in one environment, episode by episode."""
 
+    def scatter(self, seed: int) -> None:
+        """Perhaps move the arm elsewhere before an episode; the same seed does the same.
+
+        Call it after ``environment.reset``, before ``reset``.
+        """
+
     def reset(self) -> None:
-        """Begin an episode. Call it after ``environment.reset``."""
+        """Begin an episode."""
 
     def act(self) -> Any:
         """Return the action of this step."""
@@ -98,15 +110,41 @@ class _ArmExpert:
     Args:
         environment: a single environment of the task; its actions may be ``delta`` or ``absolute``.
         noise_rad: normal noise of the goals, to vary demonstrations; seed: of the noise.
+        recoveries: share of the episodes that show how to recover: the arm starts anywhere, with the jaws at
+            any opening, and approaches its targets beside before it corrects itself.
     """
 
-    def __init__(self, environment: TermEnv, *, noise_rad: float = 0.0, seed: int | None = None) -> None:
+    def __init__(
+        self,
+        environment: TermEnv,
+        *,
+        noise_rad: float = 0.0,
+        seed: int | None = None,
+        recoveries: float = 0.0,
+    ) -> None:
         self._state = environment.state
         self._absolute = environment.features["action"].unit == "rad"
         self._kinematics = Kinematics(environment.state.model)
         self._noise_rad, self._chance = noise_rad, np.random.default_rng(seed)
         self._limits = arm.goal_ranges(environment.state.model)
+        self._recoveries, self._recovers = recoveries, False
         self.reset()
+
+    def scatter(self, seed: int) -> None:
+        """Move the arm elsewhere in the share of episodes that show recoveries."""
+        chance = np.random.default_rng([seed, 7])
+        self._recovers = chance.random() < self._recoveries
+        if not self._recovers:
+            return
+        state = self._state
+        joints = np.array(state.qpos[0, :_REACHING])
+        yaw = self._closing_line() + chance.uniform(-0.8, 0.8)
+        found = self._kinematics.solve(joints, self._start(chance), yaw, rounds=60)
+        pose = np.append(found, chance.uniform(CLOSED_RAD, OPEN_RAD))
+        state.qpos[0, :6] = np.clip(pose, *self._limits)
+        state.qvel[0] = 0.0
+        state.ctrl[0] = state.qpos[0, :6]
+        state.forward(np.zeros(1, np.int64))
 
     def reset(self) -> None:
         """Begin an episode."""
@@ -128,6 +166,22 @@ class _ArmExpert:
 
     def _steps(self) -> Iterator[FloatArray]:
         raise NotImplementedError
+
+    def _start(self, chance: np.random.Generator) -> FloatArray:
+        """Return a place for the grip to start at: anywhere in front of the arm."""
+        radius, angle = chance.uniform(0.16, 0.28), chance.uniform(-0.9, 0.9)
+        height = chance.uniform(START_LOW_M, START_HIGH_M)
+        return np.array([radius * np.sin(angle), -0.045 - radius * np.cos(angle), height])
+
+    def _astray(self) -> tuple[FloatArray, float]:
+        """Return the error of a first approach (m) and of its angle."""
+        draw = self._chance.standard_normal(3)
+        return ASTRAY_M * draw * (1.0, 1.0, 0.0), ASTRAY_RAD * float(draw[2])
+
+    def _closing_line(self) -> float:
+        """Return the angle about z of the line along which the jaws close."""
+        line = self._state.data.xmat[self._state.model.body("Fixed_Jaw").id].reshape(3, 3)[:, 0]
+        return float(np.arctan2(line[1], line[0]))
 
     def _move(
         self,
@@ -181,6 +235,9 @@ class PickPlaceExpert(_ArmExpert):
 
         while True:
             yaw = self._grasp_angle()
+            if self._recovers:
+                beside, turned = self._astray()
+                yield from self._move(cube() + HOVER_M * up + beside, OPEN_RAD, yaw + turned)
             yield from self._move(lambda: cube() + HOVER_M * up, OPEN_RAD, yaw, settle=2)
             yield from self._move(lambda: cube() + GRASP_M * up, OPEN_RAD, yaw, settle=2)
             place = cube() + GRASP_M * up
@@ -192,6 +249,8 @@ class PickPlaceExpert(_ArmExpert):
                 continue
             # the cube is where the jaws hold it, not where the grip is
             over = goal() + (self._at - cube()) * (1.0, 1.0, 0.0) + (CARRY_M + GRASP_M) * up
+            if self._recovers:
+                yield from self._move(over + self._astray()[0], CLOSED_RAD, yaw)
             yield from self._move(over, CLOSED_RAD, yaw, settle=2)
             over = over + (goal() - cube()) * (1.0, 1.0, 0.0)
             if not held():
@@ -204,6 +263,15 @@ class PickPlaceExpert(_ArmExpert):
                 yield self._goals(down, RELEASED_RAD, yaw)
             yield from self._move(over, RELEASED_RAD, yaw, settle=5)
 
+    def _start(self, chance: np.random.Generator) -> FloatArray:
+        """Return a place for the grip to start at: most often above the cube or beside it."""
+        anywhere = super()._start(chance)
+        if chance.random() > 0.7:
+            return anywhere
+        beside: FloatArray = self._state.site("cube")[0] + chance.uniform(-0.05, 0.05, 3)
+        beside[2] = anywhere[2]
+        return beside
+
     def _grasp_angle(self) -> float:
         """Return the closing direction of the jaws about z: across two faces of the cube.
 
@@ -211,9 +279,7 @@ class PickPlaceExpert(_ArmExpert):
         """
         w, x, y, z = self._state.qpos[0, 9:13]
         yaw = float(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
-        jaw = self._state.model.body("Fixed_Jaw").id
-        line = self._state.data.xmat[jaw].reshape(3, 3)[:, 0]
-        present = float(np.arctan2(line[1], line[0]))
+        present = self._closing_line()
         return present + (yaw - present + np.pi / 4) % (np.pi / 2) - np.pi / 4
 
 
