@@ -264,6 +264,31 @@ def draw_models(name: str) -> None:
     save(sheet, name, 800)
 
 
+def draw_demonstration(name: str) -> None:
+    """Draw some moments of a demonstration as the cameras ``work`` and ``wrist`` show them to a policy."""
+    from joshua_mujoco_sim.envs import make_environment
+    from joshua_mujoco_sim.envs.experts import EXPERTS
+
+    task, cameras, (width, height) = "joshua/SoArm100PickPlace-v0", ("work", "wrist"), (64, 48)
+    environment = make_environment(
+        task, observation_mode="pixels", cameras=cameras, width=width, height=height, disable_env_checker=True
+    ).unwrapped
+    expert = EXPERTS[task](environment)
+    seen, _ = environment.reset(seed=2)
+    expert.reset()
+    shown, ended = [seen], False
+    while not ended:
+        seen, _, ended, _, _ = environment.step(expert.act())
+        shown.append(seen)
+    environment.close()
+    moments = [round(at * (len(shown) - 1)) for at in (0.0, 0.25, 0.4, 0.6, 0.8, 1.0)]
+    sheet = Image.new("RGB", (width * len(moments), height * len(cameras)))
+    for column, moment in enumerate(moments):
+        for row, camera in enumerate(cameras):
+            sheet.paste(Image.fromarray(shown[moment][camera]), (column * width, row * height))
+    save(sheet.resize((3 * sheet.width, 3 * sheet.height), Image.Resampling.NEAREST), name, 3 * sheet.width)
+
+
 def draw_page(name: str) -> None:
     """Photograph the page of a calibration at its first step, which shows the middle pose."""
     with tempfile.TemporaryDirectory(prefix="robot-") as folder:
@@ -296,6 +321,7 @@ PICTURES: dict[str, Callable[[str], None]] = {
     "session.svg": lambda name: draw_session(name, WIDE, 26),
     "session-narrow.svg": lambda name: draw_session(name, NARROW, 26),
     "models.webp": draw_models,
+    "demonstration.webp": draw_demonstration,
     "calibration-page.png": draw_page,
     "camera-picture.webp": lambda name: draw_from_run(name, "test_camera", "camera-*.jpg", 640),
     "lidar-scan.png": lambda name: draw_from_run(name, "test_lidar", "lidar-*.png", 700),

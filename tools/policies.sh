@@ -1,6 +1,6 @@
 #!/bin/sh
-# Makes an environment that runs and trains policies: PyTorch and LeRobot in versions that were tested together on Python 3.11, and
-# the plugins of this clone. Usage: tools/policies.sh FOLDER [words for pip's installation of torch]
+# Makes an environment that trains, evaluates and runs policies: PyTorch and LeRobot in versions that were tested together on
+# Python 3.11, the simulator, and the plugins of this clone. Usage: tools/policies.sh FOLDER [words for pip's installation of torch]
 # Then name it in the node of the model: python: "FOLDER/bin/python"
 set -eu
 root=$(cd "$(dirname "$0")/.." && pwd)
@@ -21,6 +21,8 @@ torch=$(sed -n 's/.*pip install \(torch==[^ ]*\) .*/\1/p' "$root/constraints-lea
 "$folder/bin/python" -m pip install --quiet "$torch" "$@"
 "$folder/bin/python" -m pip install --quiet --no-deps -r "$root/constraints-learn.txt"
 set --
-for plugin in dataset imitation inference lerobot onnx smolvla training; do set -- "$@" -e "$root/joshua-plugins/$plugin"; done
+for plugin in calibration dataset evaluation imitation inference lerobot mujoco-sim onnx ppo-trainer smolvla training; do
+    set -- "$@" -e "$root/joshua-plugins/$plugin"
+done
 "$folder/bin/python" -m pip install --quiet --no-deps -e "$root/joshua-core" "$@"
 printf 'python: "%s/bin/python" in the node of a model runs it there\n' "$(cd "$folder" && pwd)" >&2

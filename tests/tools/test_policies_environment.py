@@ -39,7 +39,19 @@ def test_versions_and_plugins_are_installed_in_their_order(tmp_path: Path):
     assert pins == f"-m pip install --quiet --no-deps -r {ROOT}/constraints-learn.txt"
     assert ours.startswith(f"-m pip install --quiet --no-deps -e {ROOT}/joshua-core -e ")
     names = [part.rpartition("/")[2] for part in ours.split(" -e ")[2:]]
-    assert names == ["dataset", "imitation", "inference", "lerobot", "onnx", "smolvla", "training"]
+    assert names == [
+        "calibration",
+        "dataset",
+        "evaluation",
+        "imitation",
+        "inference",
+        "lerobot",
+        "mujoco-sim",
+        "onnx",
+        "ppo-trainer",
+        "smolvla",
+        "training",
+    ]
 
 
 @pytest.mark.parametrize(
