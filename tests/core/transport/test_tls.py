@@ -2,62 +2,15 @@
 
 from __future__ import annotations
 
-import datetime
 import json
 
 import pytest
-from cryptography import x509
-from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.x509.oid import NameOID
+from certificates import Authority
 from joshua.messages import encode, message_class
 from joshua.plan import QosProfile, TlsSpec, TransportSettings
 from joshua.transport import TransportError, prepare_transport
 
 STRING = "std_msgs/msg/String"
-
-
-class Authority:
-    """A certificate authority that lives in a folder."""
-
-    def __init__(self, folder, name):
-        self._folder, self._key = folder, ec.generate_private_key(ec.SECP256R1())
-        self._name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
-        certificate = self._sign(self._name, self._key.public_key(), is_authority=True)
-        self.file = self._write(f"{name}.pem", certificate.public_bytes(serialization.Encoding.PEM))
-
-    def issue(self, name):
-        """Writes a certificate and its key; returns their paths."""
-        key = ec.generate_private_key(ec.SECP256R1())
-        subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
-        certificate = self._sign(subject, key.public_key(), is_authority=False)
-        pem = key.private_bytes(
-            serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
-        )
-        return (
-            self._write(f"{name}.crt", certificate.public_bytes(serialization.Encoding.PEM)),
-            self._write(f"{name}.key", pem),
-        )
-
-    def _sign(self, subject, public_key, *, is_authority):
-        now = datetime.datetime.now(datetime.timezone.utc)
-        return (
-            x509.CertificateBuilder()
-            .subject_name(subject)
-            .issuer_name(self._name)
-            .public_key(public_key)
-            .serial_number(x509.random_serial_number())
-            .not_valid_before(now - datetime.timedelta(hours=1))
-            .not_valid_after(now + datetime.timedelta(hours=1))
-            .add_extension(x509.BasicConstraints(is_authority, None), critical=True)
-            .add_extension(x509.SubjectAlternativeName([x509.DNSName("robot.local")]), critical=False)
-            .sign(self._key, hashes.SHA256())
-        )
-
-    def _write(self, name, data):
-        path = self._folder / name
-        path.write_bytes(data)
-        return str(path)
 
 
 @pytest.fixture

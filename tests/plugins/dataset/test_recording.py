@@ -8,6 +8,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,6 +25,7 @@ from processes import descendants_of, title_of
 from rosbags.rosbag2 import Reader
 from same_process import joshua_here
 from small_dataset import layout
+from terminal_run import TerminalRun
 
 ROBOT = """
 robot {{
@@ -98,6 +100,27 @@ def record(joshua: JoshuaProgram, *words: str) -> str:
     return found.stdout
 
 
+def by_keys(joshua: JoshuaProgram) -> None:
+    """A person at a terminal records and discards an episode by keys, and leaves by Ctrl-C."""
+    command = [sys.executable, "-m", "joshua.cli.main", "record"]
+    with contextlib.closing(TerminalRun(command, joshua.environment)) as screen:
+        screen.wait_for("episode 1  ready", "task: point", "space start/stop  k keep  d discard")
+        screen.type("k")
+        screen.wait_for("there is no episode to keep: start one first")
+        screen.type(" ")
+        screen.wait_for("episode 1 starts: point")
+        eventually(lambda: status(joshua)["frames"] >= 5)
+        screen.wait_for("episode 1  recording")
+        screen.type(" ")
+        screen.wait_for("keep or discard it")
+        screen.type("d")
+        screen.wait_for("episode 1 is discarded")
+        screen.type("\x03")
+        assert screen.end() == 130
+        assert "Traceback" not in screen.text
+        assert screen.attributes() == screen.first
+
+
 def test_a_session_by_commands(joshua: JoshuaProgram, tmp_path: Path) -> None:
     process = started(joshua, write(tmp_path))
     assert record(joshua, "start") == "episode 0 starts: wave\n"
@@ -109,9 +132,7 @@ def test_a_session_by_commands(joshua: JoshuaProgram, tmp_path: Path) -> None:
     assert refused.returncode == 1
     assert "there is no episode to keep: start one first" in refused.stderr
     assert record(joshua, "task", "point") == "the task is 'point'\n"
-    record(joshua, "start")
-    eventually(lambda: status(joshua)["frames"] >= 5)
-    assert record(joshua, "discard") == "episode 1 is discarded\n"
+    by_keys(joshua)
     record(joshua, "start")
     eventually(lambda: status(joshua)["frames"] >= 5)
     _, errors = joshua.stop(process)  # Ctrl-C in the middle of an episode
@@ -289,29 +310,53 @@ def test_recording_beside_teleoperation_waits_for_its_user(joshua: JoshuaProgram
     assert process.returncode == 0
 
 
-SHIFTED = """import time
+SHIFTED = """import os, time
 
-now = time.time_ns
-time.time_ns = lambda: now() + 300_000_000
+now, shift_ns = time.time_ns, int(os.environ["SHIFT_NS"])
+time.time_ns = lambda: now() + shift_ns
+"""
+CAMERA = """  perceptions {
+    node { node_name: "camera_side" node_id: 4 host: "nano"
+      publishers { data_type: IMAGE topic_name: "/side/image_raw" publish_rate_hz: 20 } }
+    perception_type: PERCEPTION_CAMERA
+    mock_camera_config { width: 64 height: 48 fps: 20 }
+  }
 """
 
 
-def test_another_host_whose_clock_is_ahead(joshua: JoshuaProgram, tmp_path: Path) -> None:
+def test_other_hosts_whose_clocks_are_ahead_and_behind(joshua: JoshuaProgram, tmp_path: Path) -> None:
     path = write(tmp_path, "tolerance_s: 0.05")
     node = 'node { node_name: "camera_top" node_id: 3'
-    path.write_text(path.read_text().replace(node, f'{node} host: "jetson"'))
-    (tmp_path / "sitecustomize.py").write_text(SHIFTED)  # the clock of the other host
-    other = {"JOSHUA_RUN_DIR": str(tmp_path / "jetson"), "PYTHONPATH": str(tmp_path)}
-    jetson = JoshuaProgram(tmp_path, int(joshua.environment["ROS_DOMAIN_ID"]), other)
-    with contextlib.closing(jetson):
-        camera = jetson.start("--config", str(path), "--host", "jetson")
+    text = path.read_text().replace(node, f'{node} host: "jetson"')
+    path.write_text(text.replace("}\ngeneral", f"{CAMERA}}}\ngeneral", 1))
+    (tmp_path / "sitecustomize.py").write_text(SHIFTED)  # the clock of another host
+    warnings = {
+        "jetson": r"the stamps of /top/image_raw are 0\.\d+ s ahead of this machine",
+        "nano": r"the stamps of /side/image_raw are 0\.[12]\d+ s behind this machine",
+    }
+    with contextlib.ExitStack() as hosts:
+        cameras = []
+        for host, shift_ns in (("jetson", 300_000_000), ("nano", -200_000_000)):
+            other = {
+                "JOSHUA_RUN_DIR": str(tmp_path / host),
+                "PYTHONPATH": str(tmp_path),
+                "SHIFT_NS": str(shift_ns),
+            }
+            program = JoshuaProgram(tmp_path, int(joshua.environment["ROS_DOMAIN_ID"]), other)
+            hosts.enter_context(contextlib.closing(program))
+            cameras.append((program, program.start("--config", str(path), "--host", host)))
         process = started(joshua, path)
         eventually(lambda: abs(status(joshua)["delays_s"][TOP] + 0.3) < 0.1, "the offset is estimated")
-        warned = "are 0.*ahead of this machine"
-        eventually(lambda: any(re.search(warned, log.read_text()) for log in (tmp_path / "log").iterdir()))
+
+        def warned(text: str) -> bool:
+            return any(re.search(text, log.read_text()) for log in (tmp_path / "log").iterdir())
+
+        eventually(lambda: all(map(warned, warnings.values())), "both clocks are named")
         _, errors = joshua.stop(process)
-        jetson.stop(camera)
-    assert re.search(r"the stamps of /top/image_raw are 0\.\d+ s ahead of this machine", errors)
+        for program, camera in cameras:
+            program.stop(camera)
+    for warning in warnings.values():
+        assert re.search(warning, errors)
     assert "Synchronise the clocks of the hosts with chrony or NTP" in errors
 
 

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from joshua.api.nodes import TopicSpec, TrafficFigures
 from joshua.features import Feature, Frame
 from joshua.messages import message_class
-from joshua.messages.make import joint_state
+from joshua.messages.make import image, joint_state
 from joshua_dataset.sampler import Sampler
 from joshua_dataset.settings import StoreSettings
 from joshua_dataset.streams import CLOCK_SAMPLES, Stream
@@ -152,6 +153,57 @@ def test_the_clock_of_another_host_is_estimated(delay_s: float, expected: str) -
     assert bool(warning) == bool(expected)
     assert ("chrony or NTP" in warning) == bool(expected)
     assert stream.clock_warning(0.05) == ""  # once
+
+
+@pytest.mark.parametrize(
+    ("delay_s", "transit_s", "expected"),
+    [
+        (0.06, 0.004, ""),
+        (0.24, 0.004, ""),  # the camera is slow, and its clock correct
+        (0.24, 0.2, "the stamps of /top are 0.200 s behind this machine, the tolerance is 0.050 s. Sync"),
+        (0.15, 0.11, ""),  # a large picture on a slow network
+        (0.24, None, ""),  # by another program that sends no time: may be slow, too
+        (0.4, None, "the stamps of /top are 0.400 s behind this machine"),
+        (0.4, 0.004, "messages on /top arrive 0.400 s after their stamps, and frames wait 0.300 s for them."),
+        (-0.2, -0.24, "the stamps of /top are 0.200 s ahead of this machine"),
+    ],
+)
+def test_a_camera_that_is_slow_is_told_from_a_clock_that_is_behind(
+    delay_s: float, transit_s: float | None, expected: str
+) -> None:
+    stream = Stream(Feature.picture("observation.images.top", 480, 640, topic="/top"))
+    stream.traffic = TrafficFigures(
+        TopicSpec(name="/top", type_name="sensor_msgs/msg/Image"), is_publisher=False
+    )
+    for number in range(CLOCK_SAMPLES):
+        at_ns = T0 + number * PERIOD
+        stream.take(image(np.zeros((480, 640, 3), np.uint8), at_ns=at_ns), at_ns + round(delay_s * 1e9))
+        if transit_s is not None:
+            stream.traffic.transits_ns.append(round(transit_s * 1e9) + number % 7 * 1_000_000)
+    warning = stream.clock_warning(0.05)
+    assert warning.startswith(expected)
+    assert bool(warning) == bool(expected)
+    assert ("chrony or NTP" in warning) == ("this machine" in expected)
+
+
+@pytest.mark.parametrize(
+    ("ahead_s", "expected"),
+    [
+        (0.5, ""),  # the simulation runs faster than time
+        (
+            1.8e9,
+            "the stamps of /action are 1.8e+09 s ahead of the simulated time: the node that publishes it",
+        ),
+    ],
+)
+def test_in_simulated_time_only_another_clock_is_named(ahead_s: float, expected: str) -> None:
+    stream = Stream(feature("action"))
+    for number in range(CLOCK_SAMPLES):
+        at_ns = round((number * 0.02 + ahead_s) * 1e9)
+        stream.take(joint_state(("pan",), [0.0], at_ns=at_ns), number * 20_000_000)
+    warning = stream.clock_warning(0.05, simulated=True)
+    assert warning.startswith(expected)
+    assert bool(warning) == bool(expected)
 
 
 def test_what_holds_until_it_changes_is_a_column_of_its_own() -> None:

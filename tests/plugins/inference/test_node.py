@@ -111,10 +111,6 @@ class SteppedContext(RecordingContext):
             super().tick(name)
             self.clock_ns += PERIOD_NS
 
-    def receive(self, topic: str, message: Any, publisher: str = "") -> None:
-        self._received[topic].add()
-        self.subscriptions[topic](message, self.clock_ns)
-
 
 def configured(node_spec: NodeSpec) -> tuple[SteppedContext, InferenceNode]:
     context = SteppedContext(node_spec)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 
 from joshua.guardian.silence import AwakeClock
 from joshua.plan import TimerReport, TopicReport, TopicSpec
@@ -15,6 +16,9 @@ _SUB_BUCKETS = 1 << SUB_BUCKET_BITS
 
 #: Durations from 2**42 ns (73 minutes) on share the last bucket.
 _MAXIMUM_BITS = 42
+
+#: Number of messages whose time on the way is kept.
+_TRANSITS = 60
 
 
 class DurationHistogram:
@@ -103,11 +107,14 @@ class TrafficFigures:
 
     Attributes:
         count: messages so far.
+        transits_ns: time from publication to reception of the newest messages, minus the lead of the
+            publisher's clock; empty if the publisher sends no time.
     """
 
     def __init__(self, topic: TopicSpec, *, is_publisher: bool, witness: AwakeClock | None = None) -> None:
         self.topic = topic
         self.count = 0
+        self.transits_ns: deque[int] = deque(maxlen=_TRANSITS)
         self._is_publisher = is_publisher
         self._witness = witness
         self._period_ns = round(NS_PER_S / topic.rate_hz) if topic.rate_hz > 0 else 0

@@ -85,6 +85,7 @@ class NodeContext:
     def subscribe(self, topic: TopicSpec, callback: MessageCallback) -> TrafficFigures:
         """Calls ``callback(message, received_ns)`` on a transport thread for each message.
 
+        ``received_ns`` is on the node's clock for stamps.
         An exception in the callback fails the node. A payload that cannot be decoded is logged and skipped.
         Returns the figures of the topic.
         """

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from joshua.guardian.silence import AwakeClock, witness
 from joshua.ipc.messages import FirstMessage, Topics
 from joshua.messages import MessageError, decode, encode, preload
+from joshua.node import ros_time
 from joshua.node.cadence import RateLimit, TrafficFigures
 from joshua.plan import NodeSpec, TopicReport, TopicSpec
 from joshua.transport import NodeHandle, Publisher, Sample, Subscription
@@ -164,6 +165,8 @@ class CountingSubscription:
             return
         first = self.figures.count == 0
         self.figures.add(now_ns)
+        if sample.source_stamp_ns:
+            self.figures.transits_ns.append(sample.received_ns - sample.source_stamp_ns)
         if first:
             self._on_first(self.topic, now_ns)
         try:
@@ -216,7 +219,7 @@ class Endpoints:
         """Declares a subscription; names as for publishers."""
 
         def hand_over(message: Any, sample: Sample) -> None:
-            callback(message, sample.received_ns)
+            callback(message, ros_time.received_ns(sample.received_ns))
 
         return self._subscribe(topic, hand_over)
 
@@ -227,7 +230,7 @@ class Endpoints:
         def hand_over(message: Any, sample: Sample) -> None:
             publisher = names.name(sample.publisher_gid)
             if publisher is not None:
-                callback(message, sample.received_ns, publisher)
+                callback(message, ros_time.received_ns(sample.received_ns), publisher)
 
         return self._subscribe(topic, hand_over)
 

@@ -45,6 +45,11 @@ def is_simulated() -> bool:
     return _simulated_ns is not None
 
 
+def received_ns(system_ns: int) -> int:
+    """The time of a reception on the clock of the stamps, from this computer's."""
+    return system_ns if _simulated_ns is None else _simulated_ns
+
+
 def now_ns() -> int:
     """The time for a stamp: ns since the epoch, or since the start of the simulation."""
     return time.time_ns() if _simulated_ns is None else _simulated_ns

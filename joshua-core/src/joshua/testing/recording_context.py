@@ -139,9 +139,9 @@ class RecordingContext(NodeContext):
         """Deliver a message to a subscription; ``publisher`` is the full name of a node."""
         self._received[topic].add()
         if topic in self.named_subscriptions:
-            self.named_subscriptions[topic](message, time.time_ns(), publisher)
+            self.named_subscriptions[topic](message, self.now_ns(), publisher)
         else:
-            self.subscriptions[topic](message, time.time_ns())
+            self.subscriptions[topic](message, self.now_ns())
 
     def stop(self, timeout_s: float = 30.0) -> None:
         """Stop the threads and wait for them.

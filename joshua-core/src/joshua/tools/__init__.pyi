@@ -58,7 +58,7 @@ from joshua.cli.options import add_timeout as add_timeout
 from joshua.cli.options import add_fault_option as add_fault_option
 from joshua.cli.options import positive_seconds as positive_seconds
 from joshua.cli.report import request_of as request_of
-from joshua.tools.keys import single_keys as single_keys
+from joshua.tools.keys import key_screen as key_screen
 from joshua.cli.report import show_findings as show_findings
 from joshua.cli.report import exit_code_of as exit_code_of
 from joshua.cli.report import NotStartedError as NotStartedError

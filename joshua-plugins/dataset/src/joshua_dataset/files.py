@@ -13,6 +13,20 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
+#: What to do about an error of the disk.
+_REMEDIES = {
+    errno.EROFS: "The disk is read-only: `dmesg` says why. Mount it again, or name another local_path",
+    errno.ENOSPC: "Free some space, or name another local_path",
+    errno.EIO: "Check the disk and its cable",
+    errno.ENODEV: "Check the disk and its cable",
+}
+
+
+def reason(error: Exception) -> str:
+    """Return the text of an error, with what to do about the disk."""
+    remedy = _REMEDIES.get(getattr(error, "errno", None) or 0)
+    return f"{error}. {remedy}" if remedy else str(error)
+
 
 class Files:
     """The operations whose order decides what a power cut leaves behind."""

@@ -16,7 +16,7 @@ from joshua.messages import MessageError, encode
 from joshua_dataset import metadata, open_episode
 from joshua_dataset.as_messages import Messages, topic_of
 from joshua_dataset.bag import Bag, completed
-from joshua_dataset.files import Files, Staging
+from joshua_dataset.files import Files, Staging, reason
 from joshua_dataset.metadata import ACQUISITION, INFO, MESSAGES, OURS, TASKS
 from joshua_dataset.open_episode import JOURNAL, open_folder
 from joshua_dataset.pictures import ERRORS
@@ -65,7 +65,9 @@ class McapWriter(DatasetWriter):
                 self._bag = self._opened()
             self._bag.add(topic, type(message).__msgtype__, encode(message), log_ns, publish_ns)
         except (OSError, MessageError) as error:
-            raise EpisodeError(f"{self.layout.folder} takes no message of {topic}: {error}") from error
+            raise EpisodeError(
+                f"{self.layout.folder} takes no message of {topic}: {reason(error)}"
+            ) from error
         self._encoding_s += time.thread_time() - began_s
 
     def add_frame(self, frame: Frame) -> None:

@@ -75,7 +75,8 @@ class Target(ABC):
         if self.path.is_dir():
             shutil.rmtree(self.path, ignore_errors=True)
         else:
-            self.path.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # a read-only disk keeps it
+                self.path.unlink(missing_ok=True)
 
 
 class Video(Target):

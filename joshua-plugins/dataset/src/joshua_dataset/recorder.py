@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import logging
 import queue
-import shutil
 import threading
 import time
 from collections import deque
@@ -35,6 +34,7 @@ from joshua.messages.arrays import acquired_ns, array_of
 from joshua_dataset.buttons import JOY, Buttons
 from joshua_dataset.cues import Cues
 from joshua_dataset.described import Description
+from joshua_dataset.disk import free_bytes, require_space, shortage
 from joshua_dataset.formats import writer_of
 from joshua_dataset.mcap_writer import McapWriter
 from joshua_dataset.open_episode import read_journal
@@ -58,9 +58,6 @@ CUES = {
     Phase.RESET: "reset the scene",
     Phase.DONE: "all episodes are recorded",
 }
-
-#: Space on the disk below which no episode starts, and below which one ends.
-LEAST_FREE_BYTES = 500 << 20
 
 
 class Recorder:
@@ -130,8 +127,8 @@ class Recorder:
                 "a policy cannot be trained on this data set"
             )
         for topic in context.spec.subscriptions:
-            if topic.name in self._streams:
-                context.subscribe(topic, self._taker(self._streams[topic.name]))
+            if (stream := self._streams.get(topic.name)) is not None:
+                stream.traffic = context.subscribe(topic, self._taker(stream))
             elif topic in self._pads:
                 context.subscribe(topic, self._buttons.take)
             elif self._raw:
@@ -168,7 +165,7 @@ class Recorder:
         """Start an episode; one that waits for a decision is kept."""
         with self._lock:
             self._require_topics()
-            self._require_space()
+            require_space(Path(self._settings.folder))
             try:
                 self._open()
             except EpisodeError as error:
@@ -261,7 +258,7 @@ class Recorder:
             missing=sampler.missing if sampler else (),
             queue_s=self._behind_s,
             encoder_load=self._load,
-            free_bytes=_free_bytes(folder),
+            free_bytes=free_bytes(folder),
             folder=str(folder),
             message=self._message,
         )
@@ -320,7 +317,7 @@ class Recorder:
             if starts and self._session.phase is Phase.IDLE and not self._stale():
                 self._auto = False
                 try:
-                    self._require_space()
+                    require_space(Path(self._settings.folder))
                     self._open()
                     self._do(self._session.start(time.monotonic()))
                     self._phase_began_s = time.monotonic()
@@ -347,8 +344,8 @@ class Recorder:
                 behind_s = self._behind_s
                 if behind_s > 2 * QUEUE_S:
                     self._end_early(f"the writer is {behind_s:.1f} s behind: lower fps or the picture size")
-                elif _free_bytes(Path(self._settings.folder)) < LEAST_FREE_BYTES:
-                    self._end_early("the disk is almost full: free some space")
+                elif why := shortage(Path(self._settings.folder)):
+                    self._end_early(why)
         # In this order: the writer may find that the last episode does not count, and answers then.
         settled = self._last is None or self._last.done()
         if settled and self._session.phase is Phase.DONE and self._settings.num_episodes:
@@ -534,14 +531,6 @@ class Recorder:
                 "Check the node that publishes it with joshua status"
             )
 
-    def _require_space(self) -> None:
-        free = _free_bytes(Path(self._settings.folder))
-        if free < LEAST_FREE_BYTES:
-            raise RefusedError(
-                f"the disk of {self._settings.folder} has {free >> 20} MB left; "
-                f"free some space, at least {LEAST_FREE_BYTES >> 20} MB"
-            )
-
     def _answer(self, done: Future[str] | None) -> str:
         if done is None:
             return ""
@@ -576,8 +565,8 @@ class Recorder:
             parts.append(f"waiting for {', '.join(stale)}")
         self._context.show(", ".join(parts))
         for stream in self._streams.values():
-            warning = stream.clock_warning(self._settings.tolerance_s or 1 / self._settings.fps)
-            if warning:
+            tolerance_s = self._settings.tolerance_s or 1 / self._settings.fps
+            if warning := stream.clock_warning(tolerance_s, simulated=self._facts.use_sim_time):
                 self._context.warn(warning)
         self._context.progress("episodes", session.kept, self._settings.num_episodes or None, unit="episodes")
 
@@ -588,10 +577,3 @@ def _kept(number: int, frames: int, length_s: float, counts: dict[str, int], wha
         if counts[name]:
             text += f", {counts[name]} {name}"
     return text
-
-
-def _free_bytes(folder: Path) -> int:
-    for path in (folder, *folder.parents):
-        if path.exists():
-            return shutil.disk_usage(path).free
-    return 0

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from joshua.api.nodes import TrafficFigures
 from joshua.features import Feature
 from joshua.messages.arrays import acquired_ns, array_of
 
@@ -29,8 +30,14 @@ CLOCK_SAMPLES = 60
 #: How long a frame waits for a value that is delayed by a camera or a network.
 LATENCY_S = 0.25
 
-#: The same for numbers, at their shortest delay: above it, the network is slow or the clock is behind.
-NUMBERS_LATENCY_S = 0.05
+#: Shortest time on the way of a small message, at most: above it, the network is slow or the clock is behind.
+NETWORK_S = 0.05
+
+#: Least rate of a network that carries pictures: 100 Mbit/s.
+NETWORK_BYTES_PER_S = 12.5e6
+
+#: Distance from the simulated time beyond which stamps are of another clock.
+OTHER_CLOCK_S = 10.0
 
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 
@@ -78,10 +85,15 @@ class Task:
 
 
 class Stream:
-    """One feature's topic: its newest message and its rate."""
+    """One feature's topic: its newest message and its rate.
+
+    Attributes:
+        traffic: figures of its subscription; None without one.
+    """
 
     def __init__(self, feature: Feature) -> None:
         self.feature = feature
+        self.traffic: TrafficFigures | None = None
         self.newest: Any = None
         self.stamp_ns = 0
         self.seen_s = 0.0
@@ -116,18 +128,57 @@ class Stream:
         """
         return min(tuple(self._delays_ns), default=0) / NS_PER_S
 
-    def clock_warning(self, tolerance_s: float) -> str:
-        """A warning, once, if the clock of the publisher differs by more than the tolerance; else ""."""
+    @property
+    def transit_s(self) -> float | None:
+        """Shortest time from publication to reception, minus the lead of the clock; None if unknown."""
+        transits_ns = tuple(self.traffic.transits_ns) if self.traffic is not None else ()
+        return min(transits_ns) / NS_PER_S if transits_ns else None
+
+    def clock_warning(self, tolerance_s: float, *, simulated: bool = False) -> str:
+        """A warning, once, if the clock of the publisher differs by more than the tolerance; else "".
+
+        Reception alone cannot tell a clock that is behind from a slow network, so a clock counts as behind
+        if even the quickest message took longer than a network does. The time that the device itself takes
+        is no part of it where messages carry the time of their publication.
+
+        Args:
+            simulated: the stamps are simulated time.
+        """
         if self._warned or len(self._delays_ns) < CLOCK_SAMPLES:
             return ""
-        delay_s = self.delay_s
-        latency_s = LATENCY_S if self.feature.is_picture else NUMBERS_LATENCY_S
-        if -tolerance_s <= delay_s <= tolerance_s + latency_s:
+        warning = self._other_clock() if simulated else self._clocks_apart(tolerance_s)
+        self._warned = bool(warning)
+        return warning
+
+    def _other_clock(self) -> str:
+        apart_s = min((delay_ns / NS_PER_S for delay_ns in tuple(self._delays_ns)), key=abs)
+        if abs(apart_s) < OTHER_CLOCK_S:
             return ""
-        self._warned = True
-        what = "ahead of" if delay_s < 0 else "behind"
+        what = "ahead of" if apart_s < 0 else "behind"
         return (
-            f"the stamps of {self.feature.topic} are {abs(delay_s):.3f} s {what} this machine, "
+            f"the stamps of {self.feature.topic} are {abs(apart_s):.3g} s {what} the simulated time: "
+            "the node that publishes it does not follow /clock. Set its parameter use_sim_time"
+        )
+
+    def _clocks_apart(self, tolerance_s: float) -> str:
+        delay_s, transit_s = self.delay_s, self.transit_s
+        network_s = NETWORK_S + len(getattr(self.newest, "data", ())) / NETWORK_BYTES_PER_S
+        longest_s = LATENCY_S if self.feature.is_picture else NETWORK_S
+        if transit_s is not None and tolerance_s + network_s < transit_s:
+            apart_s = transit_s
+        elif delay_s < -tolerance_s or (transit_s is None and delay_s > tolerance_s + longest_s):
+            apart_s = delay_s
+        elif delay_s > tolerance_s + LATENCY_S:
+            return (
+                f"messages on {self.feature.topic} arrive {delay_s:.3f} s after their stamps, and "
+                f"frames wait {tolerance_s + LATENCY_S:.3f} s for them. The device is slow, and its clock "
+                "correct: lower its rate or the picture size"
+            )
+        else:
+            return ""
+        what = "ahead of" if apart_s < 0 else "behind"
+        return (
+            f"the stamps of {self.feature.topic} are {abs(apart_s):.3f} s {what} this machine, "
             f"the tolerance is {tolerance_s:.3f} s. Synchronise the clocks of the hosts with chrony or NTP"
         )
 

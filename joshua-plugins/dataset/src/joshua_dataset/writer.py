@@ -26,7 +26,7 @@ from joshua.features import (
 )
 
 from joshua_dataset import metadata, open_episode, statistics
-from joshua_dataset.files import Files, Staging
+from joshua_dataset.files import Files, Staging, reason
 from joshua_dataset.lock import PRIVATE, WriterLock
 from joshua_dataset.metadata import INDEX_COLUMNS, INFO, STAMP, STATS, TASKS, check_layout
 from joshua_dataset.open_episode import OpenEpisode
@@ -140,7 +140,7 @@ class DatasetWriter(EpisodeWriter):
         except FeatureError as error:
             raise EpisodeError(str(error)) from error
         except (*ERRORS, pa.ArrowException) as error:
-            raise EpisodeError(f"{self.layout.folder} takes no frame: {error}") from error
+            raise EpisodeError(f"{self.layout.folder} takes no frame: {reason(error)}") from error
 
     def end_episode(self, task: str, counts: Mapping[str, int] | None = None) -> None:
         """See ``EpisodeWriter``."""
@@ -347,7 +347,7 @@ class DatasetWriter(EpisodeWriter):
         return row | {f"meta/episodes/{name}": value for name, value in place.items()}
 
     def _not_kept(self, error: Exception) -> EpisodeError:
-        return EpisodeError(f"{self.layout.folder}: the episode cannot be kept: {error}")
+        return EpisodeError(f"{self.layout.folder}: the episode cannot be kept: {reason(error)}")
 
     def _remove_empty_folders(self) -> None:
         folder = self.layout.folder

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from joshua.tools import ExitCode, add_config, add_timeout
@@ -73,27 +73,10 @@ def screen(node: str, figures: dict[str, Any], width: int) -> str:
 
 
 def _interactive(system: RunningSystem, node: str, timeout_s: float) -> int:
-    from joshua.tools import CallError, single_keys
+    from joshua.tools import key_screen
 
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        sys.stderr.write(
-            "joshua episode: keys need a terminal: name an action, such as `joshua episode begin`\n"
-        )
-        return ExitCode.INVALID
-    said = ""
-    with single_keys() as key:
-        while True:
-            shown = screen(node, system.call(node, "figures", {}), shutil.get_terminal_size().columns)
-            sys.stdout.write(f"\x1b[H\x1b[J{shown}\n\n{HELP}\n{said}\n")
-            sys.stdout.flush()
-            pressed = key(0.5)
-            if pressed in ("q", "\x03", "\x04"):
-                return ExitCode.OK
-            if pressed not in KEYS:
-                continue
-            try:
-                said = _ask(system, node, KEYS[pressed], timeout_s)
-            except CallError as error:
-                if error.code in ("unreachable", "gone"):
-                    raise
-                said = str(error)
+    def shown(width: int) -> str:
+        return screen(node, system.call(node, "figures", {}), width)
+
+    keys = {key: partial(_ask, system, node, action, timeout_s) for key, action in KEYS.items()}
+    return key_screen("episode begin", shown, keys, HELP)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shutil
 import sys
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from joshua.tools import positive_seconds
@@ -115,29 +116,16 @@ def screen(status: dict[str, Any], width: int) -> str:
 
 
 def _interactive(system: RunningSystem, timeout_s: float) -> int:
-    from joshua.tools import CallError, ExitCode, single_keys
+    from joshua.tools import key_screen
 
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        sys.stderr.write(
-            "joshua record: keys need a terminal: name an action, such as `joshua record start`\n"
-        )
-        return ExitCode.INVALID
-    said = ""
-    with single_keys() as key:
-        while True:
-            status = _status(system)
-            sys.stdout.write("\x1b[H\x1b[J" + screen(status, shutil.get_terminal_size().columns))
-            sys.stdout.write(f"\n\n{HELP}\n{said}\n")
-            sys.stdout.flush()
-            pressed = key(0.5)
-            if pressed in ("q", "\x03", "\x04"):
-                return ExitCode.OK
-            if pressed not in KEYS:
-                continue
-            action = KEYS[pressed] or ("stop" if status["phase"] in ("recording", "warm-up") else "start")
-            try:
-                said = str(system.call(NODE, action, {}, timeout_s=timeout_s)["text"])
-            except CallError as error:
-                if error.code in ("unreachable", "gone"):
-                    raise
-                said = str(error)
+    status: dict[str, Any] = {}
+
+    def shown(width: int) -> str:
+        status.update(_status(system))
+        return screen(status, width)
+
+    def ask(action: str) -> str:
+        action = action or ("stop" if status["phase"] in ("recording", "warm-up") else "start")
+        return str(system.call(NODE, action, {}, timeout_s=timeout_s)["text"])
+
+    return key_screen("record start", shown, {key: partial(ask, name) for key, name in KEYS.items()}, HELP)
