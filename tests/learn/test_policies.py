@@ -255,13 +255,25 @@ def test_a_language_model_that_cannot_be_had_is_named(smolvla: Any, tmp_path: Pa
 
 def test_without_memory_the_message_names_what_takes_less(act: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     model = model_of(LeRobotModel, LeRobotSettings, act[0])
+    errors = [torch.OutOfMemoryError(), MemoryError()]
+    with pytest.raises(RuntimeError, match="allocate memory") as real:
+        torch.empty(1 << 60, dtype=torch.uint8)  # what PyTorch raises for the memory of this machine
+    for error in (*errors, real.value):
 
-    def full(*_: Any) -> None:
-        raise torch.OutOfMemoryError
+        def full(*_: Any, error: BaseException = error, **__: Any) -> None:
+            raise error
 
-    monkeypatch.setattr(model._loaded.policy, "predict_action_chunk", full)
-    with pytest.raises(ModelError, match='precision: "bfloat16"'):
-        model.act(observation())
+        with monkeypatch.context() as patch:
+            patch.setattr(model._loaded.policy, "predict_action_chunk", full)
+            with pytest.raises(ModelError, match=r'The memory of cpu is too small.*precision: "bfloat16"'):
+                model.act(observation())
+        for place in ("safetensors.torch.load_model", "lerobot.policies.act.modeling_act.ACTPolicy.__init__"):
+            with monkeypatch.context() as patch:
+                patch.setattr(place, full)
+                assert (
+                    'The memory of cpu is too small for the policy. Set compute { precision: "bf'
+                    in refusal(act[0])
+                )
     model.close()
     model.close()
     with pytest.raises(ModelError, match="the policy is not loaded"):

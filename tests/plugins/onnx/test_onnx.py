@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -113,6 +114,26 @@ def test_a_device_that_is_not_there_and_a_broken_network_say_what_to_do(tmp_path
     with pytest.raises(ModelError, match=r"policy\.onnx cannot be run"):
         model.act(Observation(1, {**seen().values, "observation.images.top": picture}))
     model.close()
+
+
+def test_without_memory_the_message_says_so(exported: Path, monkeypatch: pytest.MonkeyPatch):
+    import onnxruntime
+
+    model = made(exported)
+    model.load()
+    said = "[ONNXRuntimeError] : 6 : Failed to allocate memory for requested buffer of size 8"
+
+    def full(*_: Any, **__: Any) -> Any:
+        raise RuntimeError(said)
+
+    monkeypatch.setattr(model, "_session", SimpleNamespace(run=full))
+    with pytest.raises(ModelError, match=r"policy\.onnx cannot be run: the memory is too small: .*End other"):
+        model.act(seen())
+    monkeypatch.setattr(onnxruntime, "InferenceSession", full)
+    with pytest.raises(
+        ModelError, match=r"policy\.onnx cannot be loaded: the memory is too small: .*End oth"
+    ):
+        model.load()
 
 
 def test_checking_imports_neither_onnxruntime_nor_numpy(tmp_path: Path, exported: Path):

@@ -435,6 +435,8 @@ class ManagedProcess:
     def _why(self, status: int | None) -> tuple[str, int]:
         """Reason and exit code of an unexpected end."""
         text = f"its process {describe_status(status)}"
+        if text == KILLED:
+            text += ", by a person or because the memory was full: `dmesg` tells which"
         errors = list(self._child.last_errors) if self._child is not None else []
         interpreter = self.specs[0].interpreter
         if interpreter and any("No module named" in line for line in errors):

@@ -15,6 +15,9 @@ from joshua.api.models import Compute
 from joshua_lerobot.checkpoint import POSTPROCESSOR, PREPROCESSOR, WEIGHTS, Checkpoint
 from joshua_lerobot.settings import DENOISING, PolicySettings, environment
 
+#: Texts of allocators: of PyTorch for the processor and for CUDA, and of onnxruntime.
+_NO_MEMORY = ("allocate memory", "not enough memory", "out of memory", "bad_alloc", "bad allocation")
+
 HALF = {"bfloat16": "bfloat16", "float16": "float16"}
 
 
@@ -114,9 +117,18 @@ def load_policy(checkpoint: Checkpoint, settings: PolicySettings) -> LoadedPolic
                 )
             policy.model = torch.compile(policy.model)
         before, after = _processors(checkpoint, config, device)
-    except torch.OutOfMemoryError as error:
-        raise out_of_memory(device) from error
+    except (MemoryError, RuntimeError) as error:
+        if lacks_memory(error):
+            raise out_of_memory(device) from error
+        raise
     return LoadedPolicy(policy, before, after, device, dtype)
+
+
+def lacks_memory(error: BaseException) -> bool:
+    """Whether an error says that the memory of a device or of this machine is too small for a policy."""
+    if isinstance(error, MemoryError) or type(error).__name__ == "OutOfMemoryError":
+        return True
+    return any(text in str(error) for text in _NO_MEMORY)  # no type of its own
 
 
 def out_of_memory(device: Any) -> ModelError:
@@ -210,6 +222,8 @@ def _policy(checkpoint: Checkpoint, config: Any, device: Any) -> Any:
     except OSError as error:  # transformers: a part of the language model is missing
         raise _without_language_model(checkpoint, error) from error
     except (ImportError, ValueError, TypeError, RuntimeError, AssertionError) as error:
+        if lacks_memory(error):
+            raise
         raise ModelError(
             f"{what} cannot be made from {checkpoint.folder / 'config.json'}: {error}"
         ) from error
@@ -218,6 +232,8 @@ def _policy(checkpoint: Checkpoint, config: Any, device: Any) -> Any:
             policy, checkpoint.folder / WEIGHTS, strict=False, device=str(device)
         )
     except RuntimeError as error:
+        if lacks_memory(error):
+            raise
         said = " ".join(str(error).split())[:300]
         raise ModelError(
             f"{checkpoint.folder / WEIGHTS} does not fit config.json beside it: {said}. Copy both from one "

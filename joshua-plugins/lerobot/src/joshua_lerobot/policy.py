@@ -15,7 +15,13 @@ from joshua.features import FeatureSet, JointUnits, Unit
 
 from joshua_lerobot.checkpoint import Checkpoint, CheckpointError
 from joshua_lerobot.hub import fetch, is_hub_id
-from joshua_lerobot.loading import LoadedPolicy, load_policy, not_compiled, out_of_memory
+from joshua_lerobot.loading import (
+    LoadedPolicy,
+    lacks_memory,
+    load_policy,
+    not_compiled,
+    out_of_memory,
+)
 from joshua_lerobot.settings import PREDICTS_CHUNKS, PolicySettings, without_statistics
 
 FloatArray = npt.NDArray[np.float64]
@@ -104,9 +110,9 @@ class LeRobotModel(Model):
         try:
             with torch.no_grad(), loaded.precision():
                 actions = compute(loaded, self._checkpoint.type)
-        except torch.OutOfMemoryError as error:
-            raise out_of_memory(loaded.device) from error
-        except RuntimeError as error:
+        except (MemoryError, RuntimeError) as error:
+            if lacks_memory(error):
+                raise out_of_memory(loaded.device) from error
             if not self.settings.compile or not isinstance(error, torch._dynamo.exc.TorchDynamoException):
                 raise
             raise not_compiled(error) from error

@@ -10,6 +10,7 @@ from joshua.api import JointSpace, Model, ModelError, Observation
 from joshua.api.models import Compute, ModelNeeds
 from joshua.features import FeatureSet, Unit
 from joshua_lerobot.checkpoint import Checkpoint
+from joshua_lerobot.loading import lacks_memory
 from joshua_lerobot.policy import ArmUnits, needs_of, open_checkpoint
 
 from joshua_onnx.settings import NETWORK, OnnxSettings
@@ -65,8 +66,7 @@ class OnnxModel(Model):
         try:
             actions = np.asarray(self._session.run(["action"], feed)[0], np.float64)
         except Exception as error:  # of onnxruntime, which has no base class of its own
-            said = str(error).strip().partition("\n")[0][:300]
-            raise ModelError(f"{self._checkpoint.folder / NETWORK} cannot be run: {said}") from error
+            raise _failed(f"{self._checkpoint.folder / NETWORK} cannot be run", error) from error
         kept = actions.reshape(-1, actions.shape[-1])[: self.settings.actions_per_chunk or None]
         return self.units.radians(kept, self._unit)
 
@@ -96,5 +96,11 @@ def open_session(network: bytes, compute: Compute, name: str) -> Any:
     try:
         return onnxruntime.InferenceSession(network, options, providers=providers)
     except Exception as error:  # of onnxruntime, which has no base class of its own
-        said = str(error).strip().partition("\n")[0][:300]
-        raise ModelError(f"{name} cannot be loaded: {said}. Export the policy again") from error
+        raise _failed(f"{name} cannot be loaded", error, "Export the policy again") from error
+
+
+def _failed(what: str, error: Exception, remedy: str = "") -> ModelError:
+    said = str(error).strip().partition("\n")[0][:300]
+    if lacks_memory(error):
+        what, remedy = f"{what}: the memory is too small", "End other programs that use it"
+    return ModelError(f"{what}: {said}{'. ' if remedy else ''}{remedy}")
