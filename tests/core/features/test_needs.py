@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 from joshua.features import FeatureSet
-from joshua.features.needs import as_trained, unmet
-from joshua.plan import JointRange, ModelNeeds
+from joshua.features.needs import as_trained, joined, unmet
+from joshua.plan import JointRange, ModelArm, ModelNeeds
 from joshua.plan.feature import Feature
 
 JOINTS = [JointRange("pan", -1.5, 1.5), JointRange("gripper", 0.0, 1.0)]
@@ -124,12 +124,45 @@ def test_two_arms_with_the_same_names_are_not_permuted():
     assert as_trained(needs, ROBOT, twice) == (ROBOT, tuple(twice))
 
 
-def test_one_state_for_two_arms_is_refused_by_its_reason():
-    arms = [Feature.joints(f"observation.state.{side}_arm", ("pan",)) for side in ("left", "right")]
-    needs = ModelNeeds(features=(Feature("observation.state", "float32", (2,)),), source="c.json")
-    assert found(needs, features=FeatureSet(arms)) == [
+SIDES = ("left", "right")
+STATES = FeatureSet(
+    [
+        Feature.joints(f"observation.state.{side}_arm", ("pan", "gripper"), topic=f"/{side}/state")
+        for side in SIDES
+    ]
+    + [TOP]
+)
+ARMS = tuple(
+    ModelArm(f"/{side}/commands", f"/{side}/state", ("pan", "gripper"), f"{side}_") for side in SIDES
+)
+
+
+def test_the_states_of_two_arms_become_one_for_a_model_that_names_its_joints():
+    names = ("right_pan.pos", "right_gripper.pos", "left_pan.pos", "left_gripper.pos")
+    needs = ModelNeeds(features=(Feature.joints("observation.state", names), TOP))
+    whole = joined(needs, STATES, ARMS)
+    assert whole["observation.state"] == Feature.joints(
+        "observation.state", ("left_pan", "left_gripper", "right_pan", "right_gripper")
+    )
+    assert list(whole) == ["observation.state", "observation.images.top"]
+    joints = [JointRange(name, -1.0, 1.0) for arm in ARMS for name in arm.names]
+    features, ordered = as_trained(needs, whole, joints)
+    assert features["observation.state"].names == tuple(name.removesuffix(".pos") for name in names)
+    assert [joint.name for joint in ordered] == list(features["observation.state"].names)
+    assert unmet(needs, features, ordered, 30.0, "") == []
+    assert joined(needs, whole, ARMS) is whole
+    assert joined(needs, STATES, ()) is STATES
+    others = ModelNeeds(features=tuple(STATES.values()))
+    assert joined(others, STATES, ARMS) is STATES  # a model with a state for each arm
+
+
+def test_one_state_for_two_arms_without_names_is_refused_by_its_reason():
+    needs = ModelNeeds(features=(Feature("observation.state", "float32", (4,)),), source="c.json")
+    assert joined(needs, STATES, ARMS) is STATES
+    assert found(needs, features=STATES) == [
         (
-            "The model has one observation.state for all arms (c.json), and it commands left_arm, right_arm",
-            "Run one model for each arm: several arms as one state are not supported",
+            "The model has one observation.state for all arms without names of its joints (c.json), so it is "
+            "unclear which of them belong to left_arm, right_arm",
+            "Put meta/info.json of its data set beside the weights, which has the names",
         )
     ]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from joshua.plan import ModelFacts
+from joshua.plan import ModelArm, ModelFacts
 from joshua.planner.pipeline import PipelineResult, examine
 from joshua.planner.request import Request
 
@@ -170,3 +170,40 @@ def test_fields_of_another_strategy_are_noted(robot: Any) -> None:
         ("ensemble_coefficient", "Remove it, or set strategy: TEMPORAL_ENSEMBLE."),
         ("guidance_schedule", "Remove it, or set strategy: REAL_TIME_CHUNKING."),
     ]
+
+
+SECOND = """
+  actions { node { node_name: "arm_right" node_id: 4
+      publishers { data_type: JOINT_STATE topic_name: "/right/joint_states" publish_rate_hz: 50 }
+      subscriptions { data_type: JOINT_STATE topic_name: "%s" } }
+    action_type: ACTION_MOCK mock_motor_config { num_motors: 2 position_max: 4095 } }"""
+OUT = 'publishers { data_type: JOINT_STATE topic_name: "/ai/right" publish_rate_hz: 30 }'
+
+
+def test_a_model_of_two_arms_names_their_joints_apart(robot: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    two = FILE.replace('"arm"', '"arm_left"').replace(
+        "    subscriptions { data_type: IMAGE", f"{OUT}\n    subscriptions {{ data_type: IMAGE"
+    )
+    monkeypatch.setattr(sys.modules[__name__], "FILE", two)
+    names = "right_joint_1 right_joint_2 left_joint_1 left_joint_2"
+    node = policy(robot(robot=SECOND % "/ai/right", block=f'joints: "{names}"'))
+    facts = node.facts_as(ModelFacts)
+    assert [joint.name for joint in facts.joints] == names.split()
+    (state,) = [feature for feature in facts.features if feature.key == "observation.state"]
+    assert (state.names, state.topic) == (tuple(names.split()), "")
+    assert {"/arm/joint_states", "/right/joint_states"} <= {topic.name for topic in node.subscriptions}
+    assert facts.arms == (
+        ModelArm("/ai/actions", "/arm/joint_states", ("joint_1", "joint_2"), "left_"),
+        ModelArm("/ai/right", "/right/joint_states", ("joint_1", "joint_2"), "right_"),
+    )
+    unnamed = finding(robot(robot=SECOND % "/ai/right"), "model-unfit")
+    assert "without names of its joints (toy), so it is unclear" in unnamed.message
+    wrong = robot(robot=SECOND % "/ai/right", block='joints: "l_1 l_2 r_1 r_2"').diagnostics
+    assert any("l_1, l_2, r_1, r_2 in the model (toy), left_joint_1" in item.message for item in wrong)
+
+
+def test_two_arms_with_the_same_joints_need_a_topic_each(robot: Any) -> None:
+    names = "arm_joint_1 arm_joint_2 right_joint_1 right_joint_2"
+    item = finding(robot(robot=SECOND % "/ai/actions", block=f'joints: "{names}"'), "model-unfit")
+    assert item.message == "policy commands arm and right by one topic, and their joints have the same names."
+    assert item.remedy.startswith("Give the model one publisher for each arm")

@@ -12,6 +12,7 @@ from joshua.node.extensions import ExtendedNode as ExtendedNode
 from joshua.node.implementation import load_implementation as load_implementation
 from joshua.node.verbs import Verb as Verb
 from joshua.plan import ActuatorFacts as ActuatorFacts
+from joshua.plan import ModelArm as ModelArm
 from joshua.plan import ModelFacts as ModelFacts
 from joshua.plan import SensorFacts as SensorFacts
 from joshua.plan import ServiceFacts as ServiceFacts

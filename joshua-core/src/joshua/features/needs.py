@@ -8,7 +8,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from joshua.features.feature_set import LEROBOT_SUFFIX, FeatureSet
-from joshua.plan.feature import ACTION, IMAGES, Feature
+from joshua.plan.facts import ModelArm
+from joshua.plan.feature import ACTION, IMAGES, STATE, Feature
 from joshua.plan.joints import JointRange
 from joshua.plan.model_needs import ModelNeeds
 
@@ -72,6 +73,17 @@ def as_trained(
     return FeatureSet(found), tuple(by_name[name] for name in order)
 
 
+def joined(needs: ModelNeeds, features: FeatureSet, arms: Sequence[ModelArm]) -> FeatureSet:
+    """Features with the states of several arms as one, for a model that has one and names its joints."""
+    one = next((item for item in needs.features or () if item.key == STATE), None)
+    topics = [arm.state for arm in arms]
+    parts = [item for item in features.values() if item.topic in topics]
+    if one is None or not one.names or STATE in features or not len(parts) == len(arms) > 1:
+        return features
+    state = Feature.joints(STATE, tuple(name for arm in arms for name in arm.names), unit=parts[0].unit)
+    return FeatureSet([state, *(item for item in features.values() if item not in parts)])
+
+
 def _plain(names: Iterable[str]) -> list[str]:
     return [name.removesuffix(LEROBOT_SUFFIX) for name in names]
 
@@ -89,8 +101,11 @@ def _features(needed: Sequence[Feature], given: FeatureSet, source: str) -> Iter
         parts = [f for f in same if f.key.startswith(f"{feature.key}.")]
         if len(parts) > 1:
             arms = ", ".join(f.key.removeprefix(f"{feature.key}.") for f in parts)
-            message = f"The model has one {feature.key} for all arms{source}, and it commands {arms}"
-            yield Unmet(message, "Run one model for each arm: several arms as one state are not supported")
+            message = (
+                f"The model has one {feature.key} for all arms without names of its joints{source}, so it is "
+                f"unclear which of them belong to {arms}"
+            )
+            yield Unmet(message, "Put meta/info.json of its data set beside the weights, which has the names")
             continue
         message = f"The model needs {feature.key}{source}; the robot provides {has}"
         if free:

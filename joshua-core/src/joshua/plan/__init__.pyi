@@ -6,6 +6,7 @@ from joshua.plan.diagnostic import Severity as Severity
 from joshua.plan.facts import ActuatorFacts as ActuatorFacts
 from joshua.plan.facts import ChosenEnvironment as ChosenEnvironment
 from joshua.plan.facts import Commander as Commander
+from joshua.plan.facts import ModelArm as ModelArm
 from joshua.plan.facts import ModelFacts as ModelFacts
 from joshua.plan.facts import NodeFacts as NodeFacts
 from joshua.plan.facts import OnStale as OnStale

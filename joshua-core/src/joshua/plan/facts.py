@@ -152,12 +152,34 @@ class SensorFacts(NodeFacts):
     simulation: dict[str, Any] | None = None
 
 
+@dataclass(frozen=True)
+class ModelArm:
+    """One of several arms of a model.
+
+    Attributes:
+        commands, state: its topics; joints: its names of its joints.
+        prefix: before these names in the model, such as ``left_``; "" if no other arm has one of them.
+    """
+
+    commands: str
+    state: str
+    joints: tuple[str, ...]
+    prefix: str = ""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The model's names of its joints."""
+        return tuple(self.prefix + name for name in self.joints)
+
+
 @dataclass(frozen=True, kw_only=True)
 class ModelFacts(NodeFacts):
     """Facts of a model's node.
 
     Attributes:
-        joints: those that it commands; features: of its subscriptions, by the model's keys.
+        joints: those that it commands; features: of its subscriptions, by the model's keys. The states of
+            several arms are one feature without a topic if the model has one state.
+        arms: several arms; () for one.
         task: instruction in natural language.
         execution, compute: of the file.
         reads_task: it does nothing without a task.
@@ -166,6 +188,7 @@ class ModelFacts(NodeFacts):
 
     kind: Literal["model"] = "model"
     joints: tuple[JointRange, ...] = ()
+    arms: tuple[ModelArm, ...] = ()
     features: tuple[Feature, ...] = ()
     task: str = ""
     execution: Execution = field(default_factory=Execution)

@@ -14,12 +14,13 @@ from joshua.config.checks.device_table import messages_of
 from joshua.config.input_paths import folder_of
 from joshua.features.derive import features_of
 from joshua.features.feature_set import FeatureSet
-from joshua.features.needs import as_trained, unmet
+from joshua.features.needs import as_trained, joined, unmet
 from joshua.plan import (
     Compute,
     Diagnostic,
     Execution,
     JointRange,
+    ModelArm,
     ModelFacts,
     ModelNeeds,
     NodeSpec,
@@ -85,6 +86,7 @@ def model_facts(
     features, joints = _as_trained(draft, item, settings, needs)
     return ModelFacts(
         joints=joints,
+        arms=_arms(draft, item),
         features=tuple(features.values()),
         task=getattr(item.settings, "task", "") or owner.task,
         execution=Execution(**block_values(owner.execution)),
@@ -123,6 +125,14 @@ def _findings(draft: Draft, item: Resolved, settings: Mapping[str, Any]) -> Iter
     except ValueError as error:
         yield draft.error("rename-unfit", str(error), f"{path}.rename")
         return
+    arms = _arms(draft, item)
+    if arms and arms[0].prefix and len({arm.commands for arm in arms}) < len(arms):
+        names = " and ".join(arm.prefix.removesuffix("_") for arm in arms)
+        message = (
+            f"{entry.node.node_name} commands {names} by one topic, and their joints have the same names"
+        )
+        remedy = "Give the model one publisher for each arm, and each arm the subscription to its own"
+        yield draft.error("model-unfit", message, f"{path}.node.publishers", remedy=remedy)
     strategy = owner.DESCRIPTOR.fields_by_name["execution"].message_type.fields_by_name["strategy"]
     chosen = strategy.enum_type.values_by_number.get(owner.execution.strategy)
     for lack in unmet(needs, features, joints, _rate(entry), chosen.name if chosen else "") if joints else ():
@@ -148,7 +158,8 @@ def _as_trained(
     draft: Draft, item: Resolved, settings: Mapping[str, Any], needs: ModelNeeds
 ) -> tuple[FeatureSet, tuple[JointRange, ...]]:
     """Features and joints of a model by its own keys and in its own order. Raises ValueError."""
-    return as_trained(needs, _renamed(draft, item, settings, needs), tuple(_joints(draft, item)))
+    features = joined(needs, _renamed(draft, item, settings, needs), _arms(draft, item))
+    return as_trained(needs, features, tuple(_joints(draft, item)))
 
 
 def _renamed(draft: Draft, item: Resolved, settings: Mapping[str, Any], needs: ModelNeeds) -> FeatureSet:
@@ -211,8 +222,34 @@ def _instead(model: NodeSpec, name: str, topic: TopicSpec) -> NodeSpec:
 
 
 def _joints(draft: Draft, item: Resolved) -> Iterator[JointRange]:
-    for other in draft.graph.driven_by(item.want.entry):
-        yield from draft.joints.get(other.path, ())
+    """The joints that a model commands, by its names of them."""
+    driven = {other.path: other for other in draft.graph.driven_by(item.want.entry)}
+    prefixes = [arm.prefix for arm in _arms(draft, item)] or [""]
+    for path, prefix in zip(driven, prefixes, strict=True) if driven else ():
+        for joint in draft.joints.get(path, ()):
+            yield replace(joint, name=prefix + joint.name)
+
+
+def _arms(draft: Draft, item: Resolved) -> tuple[ModelArm, ...]:
+    """The arms of a model that commands several; joints of one name get the part of its node's name."""
+    graph, entry = draft.graph, item.want.entry
+    driven = list({other.path: other for other in graph.driven_by(entry)}.values())
+    if len(driven) < 2:
+        return ()
+    published = {own.topic for own in graph.of_entry(entry) if own.is_publisher}
+    words = [other.full_name.strip("/").replace("/", "_").split("_") for other in driven]
+    shared = set(words[0]).intersection(*words)
+    names = [joint.name for other in driven for joint in draft.joints.get(other.path, ())]
+    clash = len(set(names)) < len(names)
+    found = []
+    for other, own_words in zip(driven, words, strict=True):
+        own = "_".join(word for word in own_words if word not in shared) or "_".join(own_words)
+        topics = [end for end in graph.of_entry(other) if end.block.data_type == data_type_pb2.JOINT_STATE]
+        commands = next(end.topic for end in graph.of_entry(other) if end.topic in published)
+        state = next((end.topic for end in topics if end.is_publisher), "")
+        joints = tuple(joint.name for joint in draft.joints.get(other.path, ()))
+        found.append(ModelArm(commands, state, joints, f"{own}_" if clash else ""))
+    return tuple(found)
 
 
 def _rate(entry: NodeEntry) -> float:

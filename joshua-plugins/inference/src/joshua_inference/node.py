@@ -30,17 +30,16 @@ from joshua.api.nodes import (
     ModelFacts,
     NodeBehaviour,
     NodeError,
-    Outputs,
     TopicSpec,
     TrafficFigures,
     load_implementation,
 )
 from joshua.features import FeatureSet
-from joshua.features.needs import as_trained, unmet
+from joshua.features.needs import as_trained, joined, unmet
 from joshua.messages import MessageError
 from joshua.messages.arrays import COMPRESSED_IMAGE, holds_numbers, load_decoder
-from joshua.messages.make import joint_state
 
+from joshua_inference.commands import Commands
 from joshua_inference.figures import InferenceFigures
 from joshua_inference.loop import InferenceLoop
 from joshua_inference.observer import Observer, UnfitMessageError
@@ -106,9 +105,9 @@ class InferenceNode(NodeBehaviour):
         self._loop = InferenceLoop(facts.execution, self._joints, 1 / (self._rate_hz or 1.0), context.now_ns)
         self._features = FeatureSet(facts.features)
         self._observer = Observer(
-            self._features, facts.execution.observation_max_age_s, facts.task, context.now_ns
+            self._features, facts.execution.observation_max_age_s, facts.task, context.now_ns, facts.arms
         )
-        self._outputs = Outputs(())
+        self._commands = Commands()
         self._received: list[TrafficFigures] = []
         self._runs = self._resets = False
         self._failed = facts.restarted
@@ -145,7 +144,9 @@ class InferenceNode(NodeBehaviour):
                     raise ModelError(f"{spec.full_name}: {error}") from error
         with threads_stand_back():
             self._model = self._loaded()
-        self._outputs = Outputs(map(self.context.publisher, spec.publishers), self._rate_hz)
+        publishers = [self.context.publisher(topic) for topic in spec.publishers]
+        self._commands = Commands(publishers, self._rate_hz, self._facts.arms)
+        self._commands.use(self._joints.names)
         self._received = [
             self.context.subscribe(topic, partial(self._observer.add, topic.name))
             for topic in spec.subscriptions
@@ -279,7 +280,7 @@ class InferenceNode(NodeBehaviour):
 
     def test_results(self) -> list[tuple[str, bool, str]]:
         """Return the rates of actions and observations, and whether the model kept up."""
-        rows = self._outputs.checks()
+        rows = self._commands.checks()
         for item in self._received:
             measured = f"{item.count} at {item.rate_hz:.4g} Hz"
             rows.append((f"observations on {item.topic.name}", item.count > 0, measured))
@@ -331,8 +332,9 @@ class InferenceNode(NodeBehaviour):
         model: Model = implementation(settings, self._joints, self._features)
         try:
             model.load()
-            features, joints = as_trained(model.needs(), self._features, self._ranges)
-            if joints != self._ranges:  # of a checkpoint that the plan did not have yet
+            whole = joined(model.needs(), self._features, self._facts.arms)
+            features, joints = as_trained(model.needs(), whole, self._ranges)
+            if joints != self._ranges or whole is not self._features:  # the plan did not have the checkpoint
                 self._use(features, joints)
                 model.close()
                 model = implementation(settings, self._joints, self._features)
@@ -354,6 +356,7 @@ class InferenceNode(NodeBehaviour):
         self._features, self._ranges, self._joints = features, joints, joint_space(joints)
         self._observer.use(features)
         self._loop.joints = self._joints
+        self._commands.use(self._joints.names)
 
     def _warm_up(self, model: Model, chunks: int) -> None:
         """Run a chunk model on empty observations, so that its first real chunk is not slow."""
@@ -410,8 +413,7 @@ class InferenceNode(NodeBehaviour):
         if action is None or model is None:
             return
         now_ns = self.context.now_ns()
-        message = joint_state(self._joints.names, action, frame_id=self.context.spec.frame_id, at_ns=now_ns)
-        self._outputs.publish(now_ns, lambda _: message)
+        self._commands.publish(action, now_ns, self.context.spec.frame_id)
 
     def _show(self) -> None:
         """Show the figures in the status line; fail the node if the model does not return."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import numpy as np
 from joshua.api import Observation
+from joshua.api.nodes import ModelArm
 from joshua.features import Feature, FeatureError, FeatureSet, checked
 from joshua.features.frame import Array
 from joshua.messages import MessageError
@@ -38,6 +40,7 @@ class Observer:
         stale_after_s: largest age of a message.
         task: instruction in natural language; it may change.
         now_ns: the clock of the stamps.
+        arms: several arms, whose states are the feature without a topic.
     """
 
     def __init__(
@@ -46,8 +49,10 @@ class Observer:
         stale_after_s: float = 1.0,
         task: str = "",
         now_ns: Callable[[], int] = time.time_ns,
+        arms: Sequence[ModelArm] = (),
     ) -> None:
         self._features = tuple(features.values())
+        self._arms = tuple(arms)
         self._stale_after_ns = round(stale_after_s * NS_PER_S)
         self.task = task
         self._now_ns = now_ns
@@ -55,7 +60,7 @@ class Observer:
         self._newest: dict[str, _Newest] = {}
         self._past: dict[str, deque[_Newest]] = {}
         self._count, self._period_ns = 1, 0
-        self._arrays: dict[str, deque[tuple[Any, Array]]] = {}
+        self._arrays: dict[str, deque[tuple[tuple[Any, ...], Array]]] = {}
 
     def use(self, features: FeatureSet) -> None:
         """Replace the features."""
@@ -87,9 +92,10 @@ class Observer:
         oldest_ns = time.monotonic_ns() - self._stale_after_ns
         with self._lock:
             return tuple(
-                feature.topic
+                topic
                 for feature in self._features
-                if feature.topic not in self._newest or self._newest[feature.topic].monotonic_ns < oldest_ns
+                for topic in self._topics(feature)
+                if topic not in self._newest or self._newest[topic].monotonic_ns < oldest_ns
             )
 
     def observation(self) -> Observation:
@@ -113,27 +119,43 @@ class Observer:
     def _made(self, messages: dict[str, _Newest]) -> Observation:
         values, stamps_ns = {}, {}
         for feature in self._features:
-            if feature.topic in messages:
-                message, received_ns, _ = messages[feature.topic]
-                values[feature.key] = self._array(feature, message)
-                stamps_ns[feature.key] = acquired_ns(message, received_ns)
+            found = [messages[topic] for topic in self._topics(feature) if topic in messages]
+            if len(found) == len(self._topics(feature)):
+                values[feature.key] = self._array(feature, tuple(item.message for item in found))
+                stamps_ns[feature.key] = min(acquired_ns(item.message, item.received_ns) for item in found)
         now_ns = self._now_ns()  # the clock of another machine may be ahead
         stamp_ns = min(max(stamps_ns.values(), default=0) or now_ns, now_ns)
         return Observation(stamp_ns, values, stamps_ns, task=self.task)
 
-    def _array(self, feature: Feature, message: Any) -> Array:
-        """Return the array of a message, made once."""
+    def _topics(self, feature: Feature) -> tuple[str, ...]:
+        if feature.topic or not self._arms:
+            return (feature.topic,)
+        return tuple(arm.state for arm in self._arms)
+
+    def _array(self, feature: Feature, messages: tuple[Any, ...]) -> Array:
+        """Return the array of a message, or of one message of each arm, made once."""
         known = self._arrays.setdefault(feature.key, deque(maxlen=self._count))
-        for other, array in known:
-            if other is message:
+        for others, array in known:
+            if all(other is message for other, message in zip(others, messages, strict=True)):
                 return array
-        try:
-            made = checked(feature, array_of(message, feature.names))
-        except (MessageError, FeatureError) as error:
-            self._drop(feature.topic, message)
-            raise UnfitMessageError(f"a message on {feature.topic} is not used: {error}") from error
-        known.append((message, made))
+        topics = self._topics(feature)
+        joints = (feature.names,) if feature.topic else tuple(arm.joints for arm in self._arms)
+        parts = []
+        for topic, message, names in zip(topics, messages, joints, strict=True):
+            try:
+                part = array_of(message, names)
+                parts.append(checked(feature, part) if feature.topic else part)
+            except (MessageError, FeatureError) as error:
+                self._drop(topic, message)
+                raise UnfitMessageError(f"a message on {topic} is not used: {error}") from error
+        made = parts[0] if feature.topic else checked(feature, self._whole(feature, parts))
+        known.append((messages, made))
         return made
+
+    def _whole(self, feature: Feature, parts: Sequence[Array]) -> Array:
+        """The positions of all arms, in the order of the model."""
+        order = [name for arm in self._arms for name in arm.names]
+        return np.concatenate(parts)[[order.index(name) for name in feature.names]]
 
     def _drop(self, topic: str, message: Any) -> None:
         with self._lock:

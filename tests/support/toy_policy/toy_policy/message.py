@@ -14,6 +14,7 @@ _FIELDS = (
     ("fault", _Field.TYPE_STRING),
     ("camera", _Field.TYPE_STRING),
     ("reads_task", _Field.TYPE_BOOL),
+    ("joints", _Field.TYPE_STRING),
 )
 
 

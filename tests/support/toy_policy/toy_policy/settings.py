@@ -15,6 +15,7 @@ class ToySettings(ModelSettings):
         fault: of the third chunk: ``nan``, ``die``, ``hang`` or ``shape``; ``refused`` and ``loading``
             come before the start.
         camera: that it needs, "" for none; reads_task: it does nothing without a task.
+        joints: names in its state and action, separated by spaces; "" for those of the robot.
     """
 
     work: str
@@ -23,13 +24,19 @@ class ToySettings(ModelSettings):
     fault: str
     camera: str
     reads_task: bool
+    joints: str
 
     def needs(self) -> ModelNeeds:
         """The state, and a camera."""
         if self.fault == "refused":
             raise FieldError("fault", "The checkpoint is a pickle", remedy="Convert it")
-        state = Feature("observation.state", "float32", (0,))
+        names = tuple(self.joints.split())
+        state = Feature("observation.state", "float32", (len(names),), names)
         cameras = (Feature.picture(f"observation.images.{self.camera}", 0, 0),) if self.camera else ()
         return ModelNeeds(
-            features=(state, *cameras), reads_state=True, reads_task=self.reads_task, source="toy"
+            features=(state, *cameras),
+            action=Feature.joints("action", names) if names else None,
+            reads_state=True,
+            reads_task=self.reads_task,
+            source="toy",
         )
