@@ -207,3 +207,33 @@ def test_two_arms_with_the_same_joints_need_a_topic_each(robot: Any) -> None:
     item = finding(robot(robot=SECOND % "/ai/actions", block=f'joints: "{names}"'), "model-unfit")
     assert item.message == "policy commands arm and right by one topic, and their joints have the same names."
     assert item.remedy.startswith("Give the model one publisher for each arm")
+
+
+@pytest.mark.parametrize(
+    ("names", "prefixes"),
+    [
+        (("left_arm", "right_arm"), ["left_", "right_"]),
+        (("follower_left", "follower_right"), ["left_", "right_"]),
+        (("arm", "arm_2"), ["arm_", "2_"]),
+        (("l_a", "a_l", "r_a"), ["l_a_", "a_l_", "r_a_"]),  # not l, l and r
+    ],
+)
+def test_arms_are_told_apart_by_what_differs_in_their_names(
+    robot: Any, monkeypatch: pytest.MonkeyPatch, names: tuple[str, ...], prefixes: list[str]
+) -> None:
+    first, *others = names
+    outs = "\n".join(OUT.replace("right", name) for name in others)
+    model = "    subscriptions { data_type: IMAGE"
+    two = FILE.replace('"arm"', f'"{first}"').replace(model, f"{outs}\n{model}")
+    monkeypatch.setattr(sys.modules[__name__], "FILE", two)
+    actions = ""
+    for number, name in enumerate(others, 4):
+        one = (
+            SECOND.replace("arm_right", name)
+            .replace("right", name)
+            .replace("node_id: 4", f"node_id: {number}")
+        )
+        actions += one % f"/ai/{name}"
+    joints = " ".join(f"{prefix}joint_{number}" for prefix in prefixes for number in (1, 2))
+    facts = policy(robot(robot=actions, block=f'joints: "{joints}"')).facts_as(ModelFacts)
+    assert [arm.prefix for arm in facts.arms] == prefixes

@@ -239,16 +239,18 @@ def _arms(draft: Draft, item: Resolved) -> tuple[ModelArm, ...]:
     published = {own.topic for own in graph.of_entry(entry) if own.is_publisher}
     words = [other.full_name.strip("/").replace("/", "_").split("_") for other in driven]
     shared = set(words[0]).intersection(*words)
-    names = [joint.name for other in driven for joint in draft.joints.get(other.path, ())]
-    clash = len(set(names)) < len(names)
+    own = ["_".join(word for word in name if word not in shared) or "_".join(name) for name in words]
+    if len(set(own)) < len(own):
+        own = ["_".join(name) for name in words]
+    joints = [tuple(joint.name for joint in draft.joints.get(other.path, ())) for other in driven]
+    clash = len({name for names in joints for name in names}) < sum(map(len, joints))
     found = []
-    for other, own_words in zip(driven, words, strict=True):
-        own = "_".join(word for word in own_words if word not in shared) or "_".join(own_words)
-        topics = [end for end in graph.of_entry(other) if end.block.data_type == data_type_pb2.JOINT_STATE]
-        commands = next(end.topic for end in graph.of_entry(other) if end.topic in published)
-        state = next((end.topic for end in topics if end.is_publisher), "")
-        joints = tuple(joint.name for joint in draft.joints.get(other.path, ()))
-        found.append(ModelArm(commands, state, joints, f"{own}_" if clash else ""))
+    for other, names, prefix in zip(driven, joints, own, strict=True):
+        ends = graph.of_entry(other)
+        commands = next((end.topic for end in ends if end.topic in published), "")
+        states = (end for end in ends if end.block.data_type == data_type_pb2.JOINT_STATE)
+        state = next((end.topic for end in states if end.is_publisher), "")
+        found.append(ModelArm(commands, state, names, f"{prefix}_" if clash else ""))
     return tuple(found)
 
 
