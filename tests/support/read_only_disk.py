@@ -61,11 +61,18 @@ class Recording:
         self.context.receive(TOP, image(PICTURE, at_ns=now_ns))
         self.context.tick("frames")
 
+    def start(self) -> str:
+        """Start an episode, again if the messages became stale meanwhile on a busy machine."""
+        while True:
+            self.feed()
+            try:
+                return self.recorder.start()
+            except RefusedError as error:
+                if "an episode needs every topic" not in str(error):
+                    return str(error)
+
     def came_of_it(self) -> dict[str, Any]:
-        try:
-            refused = self.recorder.start()
-        except RefusedError as error:
-            refused = str(error)
+        refused = self.start()
         status = self.recorder.status()
         self.recorder.deactivate()
         self.context.stop()
@@ -102,12 +109,11 @@ def main() -> None:
     recordings = {form: Recording(Path(place) / form, form) for form in ("lerobot", "mcap")}
     cells = list(recordings.values())
     for cell in cells:
-        cell.feed()
-        cell.recorder.start()
+        cell.start()
     run_until(cells, lambda: all(cell.recorder.status().frames >= 10 for cell in cells))
     for cell in cells:
         cell.recorder.keep()
-        cell.recorder.start()
+        cell.start()
     run_until(cells, lambda: all(cell.recorder.status().frames >= 10 for cell in cells))
     subprocess.run(["mount", "-o", "remount,abort", place], check=True)
     run_until(cells, lambda: all(cell.recorder.status().phase == "ready" for cell in cells))
