@@ -27,7 +27,7 @@ def test_a_disk_that_becomes_read_only_in_mid_episode(tmp_path: Path) -> None:
     if os.getuid() or not all(shutil.which(name) for name in tools) or not Path("/dev/loop0").exists():
         pytest.skip("mounting a disk requires root, a loop device and mkfs.ext4")
     subprocess.run(["mkfs.ext4", "-q", "-F", image], check=True)
-    command = ["unshare", "--mount", sys.executable, read_only_disk.__file__, image, place]
+    command = ["unshare", "--mount", sys.executable, read_only_disk.__file__, str(image), str(place)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 0, done.stderr
     remedy = "The disk is read-only: `dmesg` says why. Mount it again, or name another local_path"

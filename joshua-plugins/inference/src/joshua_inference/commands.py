@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 from joshua.api import FloatArray
 from joshua.api.nodes import MessagePublisher, ModelArm, Outputs
@@ -46,8 +47,13 @@ class Commands:
         """Publish an action of shape (N,) in radians."""
         for outputs, names, columns in self._outputs:
             message = joint_state(names, action[columns], frame_id=frame_id, at_ns=now_ns)
-            outputs.publish(now_ns, lambda _, message=message: message)
+            outputs.publish(now_ns, partial(_of_type, message))
 
     def checks(self) -> list[tuple[str, bool, str]]:
         """Return the rows of MODE_TEST about their rates."""
         return [row for _, outputs in self._publishers for row in outputs.checks()]
+
+
+def _of_type(message: Any, type_name: str) -> Any:
+    del type_name  # every publisher of a model has the type of joint states
+    return message
