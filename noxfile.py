@@ -157,6 +157,7 @@ def learn(session: nox.Session) -> None:
         "evaluation",
         "imitation",
         "inference",
+        "isaac-trainer",
         "mock",
         "mujoco-sim",
         "onnx",

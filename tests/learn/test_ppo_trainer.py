@@ -44,8 +44,15 @@ SMALL: dict[str, Any] = {
 torch.set_num_threads(1)
 
 
+#: Fields of SMALL that SAC refuses.
+OF_PPO = ("n_steps", "n_epochs")
+
+
 def learner(environment: str = REACH, **fields: Any) -> Learner:
-    block = pb.Training(environment=pb.ENV_SIMULATION, rl_config=pb.RLConfig(**{**SMALL, **fields}))
+    small = {
+        name: value for name, value in SMALL.items() if fields.get("algorithm") != "SAC" or name not in OF_PPO
+    }
+    block = pb.Training(environment=pb.ENV_SIMULATION, rl_config=pb.RLConfig(**{**small, **fields}))
     settings = TrainerSettings.from_block(block).suitable(environment)
     options = {"randomise": True} if settings.randomise else {}
     reward = block.rl_config.reward_function
@@ -300,7 +307,10 @@ ai {{ training {{
 
 def start(folder: Path, name: str, *, steps: int, more: str = "") -> subprocess.Popen[str]:
     path = folder / f"{name}{len(more)}.pbtxt"
-    path.write_text(TRAINING.format(name=name, steps=steps, more=more))
+    text = TRAINING.format(name=name, steps=steps, more=more)
+    if "algorithm" in more:  # SAC, which refuses the fields of PPO
+        text = text.replace('algorithm: "PPO" ', "").replace("n_steps: 16 n_epochs: 4 ", "")
+    path.write_text(text)
     return subprocess.Popen(
         [sys.executable, "-m", "joshua.cli.main", "--config", str(path)],
         stdout=subprocess.PIPE,

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -41,21 +42,22 @@ def with_plugins(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
 def test_each_preset_says_whether_its_plugins_are_there(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(Path(__file__).parents[3])
     with_plugins(monkeypatch, "joshua-sts3215", "joshua-mock")
-    names = ("teleop_so_arm100", "test_camera", "training_rl_isaac", "test_mock_hardware")
-    arms, camera, isaac, mock = (read_preset(name) for name in names)
+    names = ("teleop_so_arm100", "test_camera", "test_mock_hardware")
+    arms, camera, mock = (read_preset(name) for name in names)
+    absent = replace(read_preset("training_rl_isaac"), sections={"Plugins": ("joshua-absent",)})
     assert command.needs(arms) == "needs joshua-sts3215 (installed)"
     assert command.needs(camera) == "needs joshua-camera (cannot run, not installed: joshua-camera)"
-    assert command.needs(isaac).endswith("(cannot run, not available yet: joshua-isaac-trainer)")
+    assert command.needs(absent).endswith("(cannot run, not available yet: joshua-absent)")
     assert command.needs(mock) == "needs joshua-mock (installed)"
-    out = command.listing([arms, camera, isaac, mock], 120)
+    out = command.listing([arms, camera, absent, mock], 120)
     assert "2 of 4 presets can run with the plugins that are installed." in out
     assert "install what is missing: ./run --with camera\n" in out
-    assert "not available yet: joshua-isaac-trainer\n" in out
+    assert "not available yet: joshua-absent\n" in out
 
 
 def test_the_plugins_that_are_installed_here_are_found():
     assert command.is_usable("joshua-core")
-    assert not command.is_usable("joshua-isaac-trainer")
+    assert not command.is_usable("joshua-absent")
 
 
 def test_an_optional_plugin_is_not_required(monkeypatch: pytest.MonkeyPatch):

@@ -21,7 +21,7 @@ def _in_the_clone(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_in_a_clone_nothing_of_ours_is_named_that_an_index_could_answer() -> None:
     assert installing.install("joshua-lidar") == "./run --with lidar"
     assert installing.install("joshua-core") == "pip install -e ./joshua-core"
-    assert installing.install("joshua-isaac-trainer") == "this clone has no joshua-plugins/isaac-trainer"
+    assert installing.install("joshua-absent") == "this clone has no joshua-plugins/absent"
     assert installing.reinstall("joshua-lidar") == (
         "pip install --force-reinstall --no-deps -e ./joshua-plugins/lidar"
     )

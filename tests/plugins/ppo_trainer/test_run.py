@@ -14,6 +14,7 @@ PRESET = Path(__file__).resolve().parents[3] / "configs" / "training_rl_ppo.pbtx
 
 def test_without_pytorch_a_run_names_what_to_install(tmp_path: Path) -> None:
     (tmp_path / "torch.py").write_text("raise ModuleNotFoundError('No module named torch', name='torch')\n")
+    (tmp_path / "tensorboard.py").write_text("")
     output = f'ai.training.rl_config.output_folder="{tmp_path / "runs"}"'
     with reserved_domain() as domain:
         ended = subprocess.run(

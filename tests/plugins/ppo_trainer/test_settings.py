@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from joshua.planner.pipeline import examine
 from joshua.planner.request import Purpose, Request
 from joshua.schema import config_pb2 as pb
@@ -76,6 +77,40 @@ def test_an_unknown_algorithm_is_named_with_the_known(tmp_path: Path) -> None:
     assert error.message == "There is no algorithm 'SARSA'."
     assert error.allowed == ("SAC", "PPO")
     assert error.remedy == 'Write algorithm: "SAC".'
+
+
+@pytest.mark.parametrize(
+    ("fields", "name", "remedy"),
+    [
+        (
+            'algorithm: "PPO" buffer_size: 1000',
+            "buffer_size",
+            'Remove buffer_size, or write algorithm: "SAC".',
+        ),
+        ('algorithm: "PPO" tau: 0.01', "tau", 'Remove tau, or write algorithm: "SAC".'),
+        ('algorithm: "SAC" clip_range: 0.3', "clip_range", 'Remove clip_range, or write algorithm: "PPO".'),
+        ('algorithm: "SAC" n_epochs: 3', "n_epochs", 'Remove n_epochs, or write algorithm: "PPO".'),
+    ],
+)
+def test_a_field_of_the_other_algorithm_is_refused(
+    tmp_path: Path, fields: str, name: str, remedy: str
+) -> None:
+    (error,) = errors(tmp_path, training(fields))
+    assert error.field_path == f"ai.training.rl_config.{name}"
+    assert "has no effect with" in error.message
+    assert error.remedy == remedy
+
+
+@pytest.mark.parametrize("algorithm", ["PPO", "SAC"])
+def test_defaults_belong_to_both_algorithms(tmp_path: Path, algorithm: str) -> None:
+    shared = "tau: 0.005 buffer_size: 300000" if algorithm == "PPO" else "clip_range: 0.2 value_weight: 0.5"
+    assert not errors(tmp_path, training(f'algorithm: "{algorithm}" {shared}'))
+
+
+def test_the_setting_that_halves_the_memory_is_known() -> None:
+    assert settings().halves() == "halve num_envs, to 32, or n_steps"
+    block = pb.Training(rl_config=pb.RLConfig(algorithm="SAC", num_envs=4, buffer_size=9))
+    assert TrainerSettings.from_block(block).halves() == "halve buffer_size, to 4"
 
 
 def test_a_batch_that_never_fills_is_refused(tmp_path: Path) -> None:

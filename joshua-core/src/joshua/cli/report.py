@@ -84,11 +84,13 @@ class NotStartedError(Exception):
 
 
 def exit_code_of(result: PipelineResult) -> ExitCode:
-    """Return the exit code of a result. A missing plugin counts only if there is no other error."""
-    if not result.errors:
+    """Return the exit code of a result: the machine counts only if the file has no error."""
+    codes = {item.code for item in result.errors}
+    if not codes:
         return ExitCode.OK
-    missing = all(item.code in _INSTALLABLE for item in result.errors)
-    return ExitCode.NOT_INSTALLED if missing else ExitCode.INVALID
+    if codes.issubset(_INSTALLABLE):
+        return ExitCode.NOT_INSTALLED
+    return ExitCode.HARDWARE if codes.issubset((*_INSTALLABLE, "machine-unfit")) else ExitCode.INVALID
 
 
 def file_missing(command: str) -> ExitCode:

@@ -48,13 +48,23 @@ class FieldError(ValueError):
         message: what is wrong and why, one sentence.
         allowed: allowed values, the nearest first.
         remedy: what to do next, one imperative sentence.
+        code: of the finding; ``extra-missing`` or ``machine-unfit`` if the fault is this machine's.
     """
 
-    def __init__(self, field: str, message: str, *, allowed: Sequence[str] = (), remedy: str = "") -> None:
+    def __init__(
+        self,
+        field: str,
+        message: str,
+        *,
+        allowed: Sequence[str] = (),
+        remedy: str = "",
+        code: str = "invalid-setting",
+    ) -> None:
         super().__init__(message)
         self.field = field
         self.allowed = tuple(allowed)
         self.remedy = remedy
+        self.code = code
 
 
 class FieldErrors(ValueError):
@@ -225,7 +235,7 @@ def settings_diagnostics(
         remedy = problem.remedy or "Change the value. `joshua explain` describes the field"
         diagnostics.append(
             Diagnostic(
-                code="invalid-setting",
+                code=problem.code,
                 severity=Severity.ERROR,
                 message=as_sentence(_begun(str(problem))),
                 position=positions.nearest(path) if positions is not None else None,

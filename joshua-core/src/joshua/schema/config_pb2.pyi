@@ -890,7 +890,7 @@ class DataStore(_message.Message):
     def __init__(self, format: _Optional[_Union[DataFormat, str]] = ..., storage: _Optional[_Union[StorageBackend, str]] = ..., dataset_name: _Optional[str] = ..., local_path: _Optional[str] = ..., remote_url: _Optional[str] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., operation: _Optional[_Union[DataStoreOperation, str]] = ..., task: _Optional[str] = ..., episodes: _Optional[_Iterable[int]] = ..., fps: _Optional[int] = ..., tolerance_s: _Optional[float] = ..., missing: _Optional[_Union[MissingPolicy, str]] = ..., video_codec: _Optional[_Union[VideoCodec, str]] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., pictures: _Optional[_Union[PictureStorage, str]] = ..., resume: _Optional[bool] = ..., episode_duration_s: _Optional[float] = ..., reset_duration_s: _Optional[float] = ..., warmup_s: _Optional[float] = ..., num_episodes: _Optional[int] = ..., more_tasks: _Optional[_Iterable[str]] = ..., auto_start: _Optional[bool] = ..., speed: _Optional[float] = ..., record_button: _Optional[str] = ..., keep_button: _Optional[str] = ..., discard_button: _Optional[str] = ..., spoken_cues: _Optional[bool] = ..., upload: _Optional[_Union[UploadTime, str]] = ...) -> None: ...
 
 class Training(_message.Message):
-    __slots__ = ("environment", "method", "simulator_backend", "rl_config", "imitation_config", "eval_config", "plugin_config", "environment_id")
+    __slots__ = ("environment", "method", "simulator_backend", "rl_config", "imitation_config", "eval_config", "plugin_config", "environment_id", "wandb", "mlflow")
     ENVIRONMENT_FIELD_NUMBER: _ClassVar[int]
     METHOD_FIELD_NUMBER: _ClassVar[int]
     SIMULATOR_BACKEND_FIELD_NUMBER: _ClassVar[int]
@@ -899,6 +899,8 @@ class Training(_message.Message):
     EVAL_CONFIG_FIELD_NUMBER: _ClassVar[int]
     PLUGIN_CONFIG_FIELD_NUMBER: _ClassVar[int]
     ENVIRONMENT_ID_FIELD_NUMBER: _ClassVar[int]
+    WANDB_FIELD_NUMBER: _ClassVar[int]
+    MLFLOW_FIELD_NUMBER: _ClassVar[int]
     environment: TrainingEnvironment
     method: TrainingMethod
     simulator_backend: SimulatorBackend
@@ -907,7 +909,29 @@ class Training(_message.Message):
     eval_config: EvalConfig
     plugin_config: _any_pb2.Any
     environment_id: str
-    def __init__(self, environment: _Optional[_Union[TrainingEnvironment, str]] = ..., method: _Optional[_Union[TrainingMethod, str]] = ..., simulator_backend: _Optional[_Union[SimulatorBackend, str]] = ..., rl_config: _Optional[_Union[RLConfig, _Mapping]] = ..., imitation_config: _Optional[_Union[ImitationConfig, _Mapping]] = ..., eval_config: _Optional[_Union[EvalConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., environment_id: _Optional[str] = ...) -> None: ...
+    wandb: WandbTracking
+    mlflow: MlflowTracking
+    def __init__(self, environment: _Optional[_Union[TrainingEnvironment, str]] = ..., method: _Optional[_Union[TrainingMethod, str]] = ..., simulator_backend: _Optional[_Union[SimulatorBackend, str]] = ..., rl_config: _Optional[_Union[RLConfig, _Mapping]] = ..., imitation_config: _Optional[_Union[ImitationConfig, _Mapping]] = ..., eval_config: _Optional[_Union[EvalConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., environment_id: _Optional[str] = ..., wandb: _Optional[_Union[WandbTracking, _Mapping]] = ..., mlflow: _Optional[_Union[MlflowTracking, _Mapping]] = ...) -> None: ...
+
+class WandbTracking(_message.Message):
+    __slots__ = ("project", "entity", "server", "offline")
+    PROJECT_FIELD_NUMBER: _ClassVar[int]
+    ENTITY_FIELD_NUMBER: _ClassVar[int]
+    SERVER_FIELD_NUMBER: _ClassVar[int]
+    OFFLINE_FIELD_NUMBER: _ClassVar[int]
+    project: str
+    entity: str
+    server: str
+    offline: bool
+    def __init__(self, project: _Optional[str] = ..., entity: _Optional[str] = ..., server: _Optional[str] = ..., offline: _Optional[bool] = ...) -> None: ...
+
+class MlflowTracking(_message.Message):
+    __slots__ = ("experiment", "server")
+    EXPERIMENT_FIELD_NUMBER: _ClassVar[int]
+    SERVER_FIELD_NUMBER: _ClassVar[int]
+    experiment: str
+    server: str
+    def __init__(self, experiment: _Optional[str] = ..., server: _Optional[str] = ...) -> None: ...
 
 class RLConfig(_message.Message):
     __slots__ = ("algorithm", "num_envs", "total_timesteps", "learning_rate", "gamma", "clip_range", "batch_size", "reward_function", "n_steps", "n_epochs", "gae_lambda", "entropy_weight", "value_weight", "max_grad_norm", "target_kl", "hidden_sizes", "activation", "initial_log_std", "normalize_observations", "normalize_rewards", "randomise", "output_folder", "checkpoint_steps", "resume_run", "physics_threads", "buffer_size", "learning_starts", "tau", "updates_per_step")

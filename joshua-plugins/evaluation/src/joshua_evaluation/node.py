@@ -50,7 +50,7 @@ class Evaluation(RunNode):
             "randomise": settings.randomise,
             "wanted": settings.num_episodes,
         }
-        hidden = {"output_folder", "resume_run", "environment", "environment_id", "candidates"}
+        hidden = {"output_folder", "resume_run", "environment", "environment_id", "candidates", "tracking"}
         facts = {
             **self._about,
             "kind": "evaluation",

@@ -51,6 +51,7 @@ class EvaluationSettings(RunSettings):
 
     BLOCK = "eval_config"
     REQUIRED = ("num_episodes",)
+    TRACKED = False
 
     candidates: tuple[Candidate, ...] = ()
     num_episodes: int = 1

@@ -58,9 +58,10 @@ class ImitationTrainer(LearningNode):
             "policy": settings.policy_type,
             "dataset": settings.dataset,
             "seed": settings.seed,
-            "settings": settings.model_dump(mode="json", exclude={"output_folder", "resume_run"}),
+            "settings": settings.model_dump(mode="json", exclude={"output_folder", "resume_run", "tracking"}),
         }
         self.checkpoint_steps = settings.checkpoint_steps
+        self.tracking = settings.tracking
         continued = self.reopen(settings.resume_run, facts)
         made = build(settings, continued)
         self._album = made.album

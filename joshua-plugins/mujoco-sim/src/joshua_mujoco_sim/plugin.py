@@ -50,7 +50,7 @@ def joshua_specs() -> list[PluginSpec]:
         ),
         EnvironmentSpec(
             block="training",
-            enum_values=("BACKEND_MUJOCO", "BACKEND_MJX"),
+            enum_values=("BACKEND_MUJOCO", "BACKEND_MJX", "BACKEND_ISAAC"),
             implementation="joshua_mujoco_sim.envs:make_vector_environment",
             environments=ENVIRONMENTS,
             summary="tasks that trainers can learn: reaching, picking and placing, the ant",

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from joshua_training.memory import require
 from joshua_training.run_folder import RunError
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.buffers import ReplayBuffer, RolloutBuffer
@@ -101,6 +102,7 @@ class Learner:
             observations=bool(settings.normalize_observations),
             rewards=bool(settings.normalize_rewards),
         )
+        self._require_memory()
         self.vec_env = BatchedVecEnv(environment, self.normaliser)
         self._asked = asked
         self._watch = _Watch(asked, told)
@@ -307,6 +309,17 @@ class Learner:
             found["episode/length"] = float(np.mean(lengths))
             found["episode/success_rate"] = float(np.mean(successes))
         return found
+
+    def _require_memory(self) -> None:
+        """Refuse buffers that do not fit into the memory. Raises RunError."""
+        settings, environment = self._settings, self._environment
+        seen, wanted = environment.single_observation_space.shape[0], environment.single_action_space.shape[0]
+        if settings.algorithm == "SAC":  # both observations, action, reward and two marks, of 32 bits each
+            numbers, purpose = settings.buffer_size * (2 * seen + wanted + 3), "the replay buffer"
+        else:  # observation, action, reward, mark, value, probability, advantage, return
+            numbers = settings.num_envs * (settings.n_steps or 1) * (seen + wanted + 6)
+            purpose = "a rollout"
+        require(4 * numbers, purpose, settings.halves())
 
     def _network(self) -> dict[str, Any]:
         settings = self._settings

@@ -18,7 +18,7 @@ from joshua_ppo_trainer.settings import TrainerSettings
 BATCH = "diverged.safetensors"
 
 #: Settings that ``run.json`` does not repeat.
-_HIDDEN = {"environment", "environment_id", "output_folder", "resume_run"}
+_HIDDEN = {"environment", "environment_id", "output_folder", "resume_run", "tracking"}
 
 
 class PpoTrainer(LearningNode):
@@ -64,6 +64,8 @@ class PpoTrainer(LearningNode):
             "settings": settings.model_dump(exclude=_HIDDEN),
         }
         self.checkpoint_steps = settings.checkpoint_steps
+        self.tracking = settings.tracking
+        self.halves = settings.halves()
         continued = self.reopen(settings.resume_run, facts)
         options = {"threads": settings.physics_threads, "autoreset_mode": "SameStep"}
         self._environment = load_target(chosen.make)(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -12,6 +13,13 @@ from pydantic import model_validator
 from typing_extensions import Self
 
 ALGORITHMS = ("PPO", "SAC")
+
+#: Fields that one of the algorithms alone reads.
+PPO_ONLY = (
+    *("clip_range", "n_steps", "n_epochs", "gae_lambda", "entropy_weight", "value_weight"),
+    *("max_grad_norm", "target_kl", "initial_log_std"),
+)
+SAC_ONLY = ("buffer_size", "learning_starts", "tau", "updates_per_step")
 
 
 @dataclass(frozen=True)
@@ -89,6 +97,15 @@ class TrainerSettings(RunSettings):
                 allowed=_nearest(self.algorithm),
                 remedy=f'write algorithm: "{_nearest(self.algorithm)[0]}"',
             )
+        others = SAC_ONLY if self.algorithm == "PPO" else PPO_ONLY
+        for name in others:
+            if _differ(getattr(self, name), type(self).model_fields[name].default):
+                algorithm = "SAC" if self.algorithm == "PPO" else "PPO"
+                raise FieldError(
+                    f"rl_config.{name}",
+                    f"{name} has no effect with {self.algorithm}; it belongs to {algorithm}",
+                    remedy=f'remove {name}, or write algorithm: "{algorithm}"',
+                )
         if self.environment_id or self.n_steps:
             self.suitable(self.environment_id).check_batch()
         return self
@@ -104,6 +121,12 @@ class TrainerSettings(RunSettings):
                 remedy="make it smaller, or raise num_envs or n_steps",
             )
 
+    def halves(self) -> str:
+        """Say what halves the memory of the training."""
+        if self.algorithm == "SAC":
+            return f"halve buffer_size, to {max(1, self.buffer_size // 2)}"
+        return f"halve num_envs, to {max(1, self.num_envs // 2)}, or n_steps"
+
     def suitable(self, environment_id: str) -> Self:
         """Return the settings, completed by the defaults of an environment."""
         found = SUITABLE.get(environment_id, Suitable())
@@ -111,6 +134,13 @@ class TrainerSettings(RunSettings):
             name: value for name, value in vars(found).items() if getattr(self, name) in (None, (), "")
         }
         return self.model_copy(update=open_fields)
+
+
+def _differ(value: float | None, default: float | None) -> bool:
+    """Whether a value is not the default, which fields of 32 bits hold inexactly."""
+    if value is None or default is None:
+        return value is not default
+    return not math.isclose(value, default, rel_tol=1e-6)
 
 
 def _nearest(name: str) -> tuple[str, ...]:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from joshua.api import BlockContext, BlockSettings
+from joshua.api import BlockContext, BlockSettings, FieldError
+from pydantic import Field, model_validator
+from typing_extensions import Self
+
+from joshua_training.tracking_settings import TrackingSettings
 
 
 class RunSettings(BlockSettings):
@@ -15,6 +19,8 @@ class RunSettings(BlockSettings):
     Attributes:
         environment: name of its enum value, "" if omitted; environment_id: "" if omitted.
         output_folder: absolute, for the folders of runs; resume_run: folder of the run to continue, or "".
+        tracking: services that record the run, too; launching: the run starts, so what it requires must be
+            installed. It is not part of the plan.
     """
 
     #: Field of ``training`` that holds the block.
@@ -23,10 +29,15 @@ class RunSettings(BlockSettings):
     #: Fields whose omission, or 0, the schema reports by itself.
     REQUIRED: ClassVar[tuple[str, ...]] = ()
 
+    #: Whether services can record the run.
+    TRACKED: ClassVar[bool] = True
+
     environment: str = ""
     environment_id: str = ""
     output_folder: str = ""
     resume_run: str = ""
+    tracking: TrackingSettings = TrackingSettings()
+    launching: Annotated[bool, Field(exclude=True)] = False
 
     @classmethod
     def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
@@ -42,4 +53,18 @@ class RunSettings(BlockSettings):
         known["output_folder"] = str(folder / (block.get("output_folder") or "runs"))
         if block.get("resume_run"):
             known["resume_run"] = str(folder / Path(block["resume_run"]).expanduser())
+        known |= {"tracking": TrackingSettings.of(values, folder), "launching": context.launch}
         return known | {name: values[name] or "" for name in ("environment", "environment_id")}
+
+    @model_validator(mode="after")
+    def _can_be_recorded(self) -> Self:
+        if not self.TRACKED and self.tracking.names:
+            name = self.tracking.names[0]
+            raise FieldError(
+                name,
+                f"{name} records trainings only; the results of an evaluation stay in its folder",
+                remedy=f"remove {name}",
+            )
+        if self.launching:
+            self.tracking.require()
+        return self

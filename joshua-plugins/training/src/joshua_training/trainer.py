@@ -12,7 +12,10 @@ from joshua.api import NodeContext, Trainer
 
 from joshua_training.board import Board
 from joshua_training.curves import draw
+from joshua_training.memory import remedied
 from joshua_training.run_folder import RunError, RunFolder, described, refuse_other
+from joshua_training.tracking import Trackers, services_of
+from joshua_training.tracking_settings import TrackingSettings
 
 
 class RunNode(Trainer):
@@ -100,6 +103,12 @@ class LearningNode(RunNode):
     #: Steps from one checkpoint to the next, set in ``configure``.
     checkpoint_steps = 1000
 
+    #: What halves the memory of the training, set in ``configure``.
+    halves = "halve batch_size"
+
+    #: Services that record the run, too, set in ``configure``.
+    tracking = TrackingSettings()
+
     #: Steps of the last checkpoint.
     _saved = -1
 
@@ -156,17 +165,28 @@ class LearningNode(RunNode):
 
     def work(self) -> None:
         """Learn to the end, or until the run stops, and save."""
-        if not self.prepare():
-            return
+        trackers = Trackers(services_of(self.tracking, self.folder.path.parent), self.context.log)
+        trackers.start(self.folder)
+        well = False
+        try:
+            if self.prepare():
+                self._learn(trackers)
+            well = True
+        finally:
+            trackers.close(well)
+
+    def _learn(self, trackers: Trackers) -> None:
         board = Board(self.folder.path / "tensorboard", self.steps)
         latest: dict[str, float] = {}
         try:
             while self.steps < self.total and not self.context.stopping:
-                row = self.advance()
+                with remedied(f"{self.halves}; the last checkpoint is complete"):
+                    row = self.advance()
                 if row is not None:
                     latest |= row
                     self.folder.add_metrics(row)
                     board.add(row, self.steps)
+                    trackers.add(row, self.steps)
                     self.context.show(self._shown(latest))
                 if self.steps - max(self._saved, 0) >= self.checkpoint_steps:
                     self._save()

@@ -60,10 +60,10 @@ class Start:
 
 
 def with_values(array: Any, key: Any, values: Any) -> Any:
-    """Return a copy of an array, of NumPy or JAX, in which ``array[key]`` has other values."""
+    """Return a copy of an array, of NumPy, JAX or PyTorch, in which ``array[key]`` has other values."""
     if hasattr(array, "at"):
         return array.at[key].set(values)
-    changed = array.copy()
+    changed = array.clone() if hasattr(array, "clone") else array.copy()
     changed[key] = values
     return changed
 

@@ -1,0 +1,1 @@
+"""Reinforcement learning in NVIDIA Isaac Lab."""

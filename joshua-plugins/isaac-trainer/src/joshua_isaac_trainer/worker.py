@@ -1,0 +1,97 @@
+"""The process that runs Isaac Sim: Kit needs the main thread of a process of its own, and may crash it.
+
+It talks with the node of the trainer over a socket that it inherits, in lines of JSON, see ``channel``.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+from pathlib import Path
+from typing import Any
+
+from joshua_training.run_folder import RunError
+
+from joshua_isaac_trainer.channel import Channel
+
+
+def main(arguments: list[str]) -> int:
+    """Run the job that arrives first. Returns the exit code of the process."""
+    channel = Channel(socket.socket(fileno=int(arguments[0])))
+    job = channel.receive()
+    if job is None:
+        return 0
+    try:
+        _work(channel, job)
+    except RunError as error:
+        channel.send({"error": str(error), "exit_code": error.exit_code})
+    except Exception as error:
+        if type(error).__name__ == "OutOfMemoryError":
+            channel.send({"error": out_of_memory(job), "exit_code": 1})
+        else:
+            channel.send({"error": f"{type(error).__name__}: {error}", "exit_code": 1})
+            raise
+    return 0
+
+
+def out_of_memory(job: dict[str, Any]) -> str:
+    """Say which setting halves the memory of a training."""
+    envs = job["settings"]["num_envs"]
+    return (
+        f"the memory of the GPU is full with {envs} environments: halve num_envs, to {max(1, envs // 2)}, "
+        "and batch_size with it, in a new run; the last checkpoint of this one is complete"
+    )
+
+
+def _work(channel: Channel, job: dict[str, Any]) -> None:
+    from isaaclab.app import AppLauncher
+
+    app = AppLauncher({"headless": True, "device": job["device"]}).app
+    # from here on, the modules of Isaac Sim exist
+    from joshua_isaac_trainer.lab import make_environment
+
+    environment, task = make_environment(job, Path(job["folder"]))
+    try:
+        learn(channel, job, environment, task)
+    finally:
+        environment.close()
+        app.close()
+
+
+def learn(channel: Channel, job: dict[str, Any], environment: Any, task: Any) -> None:
+    """Answer the requests of the node until it ends: ``advance`` and ``save``, not ``pause``.
+
+    A message that arrives while it advances interrupts that: the answer to ``advance`` has no row then.
+
+    Args:
+        environment: for rsl_rl; task: a ``TensorTask``, for the description of the policy.
+    """
+    from joshua_isaac_trainer.learner import Learner
+    from joshua_isaac_trainer.networks import policy_facts
+    from joshua_isaac_trainer.settings import IsaacSettings
+
+    settings = IsaacSettings.model_validate(job["settings"])
+    learner = Learner(settings, environment, job["device"], job["seed"], channel.has_news)
+    if job["checkpoint"]:
+        learner.restore(Path(job["checkpoint"]))
+    about = policy_facts(job["environment_id"], task.evaluator, 1.0 / task.step_s, settings.activation)
+    channel.send({"ready": True, "steps": learner.steps})
+    while (request := channel.receive()) is not None:
+        if request["do"] == "advance":
+            channel.send({"row": learner.iterate(), "steps": learner.steps})
+        elif request["do"] == "save":
+            folder = Path(request["folder"])
+            try:
+                for name, content in learner.files(about).items():
+                    (folder / name).write_bytes(content)
+            except OSError as error:
+                channel.send({"refused": error.strerror or str(error), "number": error.errno or 0})
+                continue
+            channel.send({"saved": True})
+
+
+if __name__ == "__main__":
+    code = main(sys.argv[1:])
+    sys.stdout.flush()
+    os._exit(code)  # Kit's exit handlers may hang
