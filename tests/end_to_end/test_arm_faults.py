@@ -62,7 +62,7 @@ def test_a_wrong_port_is_named_with_the_ports_that_there_are(
     wrong = f"{FOLLOWER}.comm.serial.port=/dev/ttyACM77"
     text = refused(leader, follower, tmp_path, joshua_domain_id, wrong)
     assert "/follower_arm: failed in step configure: /dev/ttyACM77: no such serial port. Ports here:" in text
-    assert text.count("serial_number finds it under any name") == 1
+    assert text.count("serial_number finds it under any path") == 1
 
 
 def test_an_adapter_that_is_not_plugged_in_is_named(
@@ -70,7 +70,7 @@ def test_an_adapter_that_is_not_plugged_in_is_named(
 ) -> None:
     wrong = f'{FOLLOWER}.comm.serial.serial_number="5A46000000"'
     text = refused(leader, follower, tmp_path, joshua_domain_id, wrong)
-    assert "serial_number 5A46000000: no adapter of this identity is plugged in" in text
+    assert "serial_number 5A46000000: no adapter with this identity is plugged in" in text
     assert "joshua find-port lists the ports" in text
 
 
@@ -84,7 +84,7 @@ def test_a_port_that_another_program_has_names_it(
     finally:
         port.close()
     assert f"the port is in use by {Path(f'/proc/{os.getpid()}/comm').read_text().strip()} (process" in text
-    assert "two programs cannot share a bus" in text
+    assert "Two programs cannot share a bus" in text
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can act as another user")

@@ -163,4 +163,4 @@ def test_an_exception_in_the_driver_releases_what_still_answers(
         rig.wait(lambda: rig.gone(rig.guardian))
         assert {servo["energised"] for servo in rig.follower.servos() if servo["id"] != 5} == {False}
         output = rig.stop()
-        assert "is not verified: ids 5 did not confirm; cut the arm's supply by hand" in output, output
+        assert "is not verified: ids 5 did not confirm. Cut the arm's supply by hand" in output, output

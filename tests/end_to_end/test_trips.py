@@ -135,7 +135,7 @@ def test_resume_is_refused_while_the_motor_check_fails(tmp_path: Path, joshua_do
         refused = rig.joshua("resume", "follower_arm")
         assert refused.returncode == 4
         assert "the check of the device failed" in refused.stderr
-        assert "id 2 works in mode 1, expected 0 (position)" in refused.stderr
+        assert "id 2 is in mode 1, expected 0 (position)" in refused.stderr
         assert rig.energised() == {False}
         rig.follower.ask("set_register", id=2, name="mode", value=0)
         assert rig.joshua("resume", "follower_arm").returncode == 0

@@ -117,8 +117,8 @@ def test_a_slip_in_a_range_of_ids_is_refused_at_once(capsys: pytest.CaptureFixtu
             "joshua: error: --fault has no effect with",
         ),
         (("--open",), "joshua: error: --open shows the page of a calibration"),
-        (("find-port", "--node", "arm"), "joshua find-port: --node does nothing without --write"),
-        (("doctor", "--port", "/dev/x"), "joshua doctor: --config looks at the devices of the file"),
+        (("find-port", "--node", "arm"), "joshua find-port: --node has no effect without --write"),
+        (("doctor", "--port", "/dev/x"), "joshua doctor: --config checks the devices of the file"),
     ],
 )
 def test_an_option_that_would_do_nothing_is_refused(

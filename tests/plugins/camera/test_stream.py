@@ -343,7 +343,7 @@ def test_a_clock_that_is_set_back_begins_the_stream_anew(
 def test_connecting_twice_is_refused(emulator: EmulatedCamera, camera_at: Maker) -> None:
     camera = camera_at(emulator.source)
     camera.connect()
-    with pytest.raises(DeviceError, match="is open already: disconnect first"):
+    with pytest.raises(DeviceError, match="is already open: disconnect first"):
         camera.connect()
 
 

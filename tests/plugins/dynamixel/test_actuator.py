@@ -120,7 +120,7 @@ def test_a_joint_beyond_its_servos_limits_gets_no_torque(emulator: EmulatedBus, 
     )
     arm.connect()
     with pytest.raises(
-        DeviceError, match=r"joint_1 \(id 1\) stands at 2048 ticks, beyond the limits of its servo, 0 to 2000"
+        DeviceError, match=r"joint_1 \(id 1\) is at 2048 ticks, outside the limits of its servo, 0 to 2000"
     ):
         arm.enable()
     assert energised(emulator) == {False}
@@ -167,10 +167,10 @@ def test_a_weak_supply_trips(fault: str, arm_emulator: EmulatedBus, make_arm: An
 @pytest.mark.parametrize(
     ("register", "value", "text"),
     [
-        ("operating_mode", 1, r"id 2 works in mode 1, expected 3 \(position\), 4 \(extended position\) or 5"),
-        ("operating_mode", 3, r"id 2 ignores its homing offset of -?\d+ ticks in mode 3 \(position\)"),
-        ("drive_mode", 4, r"id 2 uses time-based profiles \(drive mode bit 2\), expected 0"),
-        ("status_level", 1, r"id 2 acknowledges no writes \(status level 1\), expected 2"),
+        ("operating_mode", 1, r"id 2 is in mode 1, expected 3 \(position\), 4 \(extended position\) or 5"),
+        ("operating_mode", 3, r"id 2 cannot apply its homing offset of -?\d+ ticks in mode 3 \(position\)"),
+        ("drive_mode", 4, r"id 2 has time-based profiles enabled \(drive mode bit 2\), expected 0"),
+        ("status_level", 1, r"id 2 does not acknowledge writes \(status level 1\), expected 2"),
     ],
 )
 def test_servos_that_are_set_up_for_something_else(
@@ -209,7 +209,7 @@ def test_an_unplug_while_the_arm_moves_ends_the_write(arm_emulator: EmulatedBus,
     arm.write(POSE)
     arm_emulator.fault("unplug")
     arm_emulator.wait_for(["unplug"])
-    with pytest.raises(DeviceDisconnected, match=r"the adapter is gone.*found again by its identity"):
+    with pytest.raises(DeviceDisconnected, match=r"the adapter is gone.*finds it again by its identity"):
         arm.write(POSE)
     arm.disconnect()
     arm.release()  # stop-first: works in every state

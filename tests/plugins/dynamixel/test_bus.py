@@ -40,7 +40,7 @@ def test_several_servos_are_read_and_written_at_once(emulator: EmulatedBus, open
     ("register", "value", "reason"),
     [
         (reg.PRESENT_POSITION, 5, "read-only, absent, or locked while torque is on"),
-        (reg.GOAL_POSITION, 5000, "beyond a limit that the servo holds"),
+        (reg.GOAL_POSITION, 5000, "exceeds a limit stored in the servo"),
         (reg.TORQUE_ENABLE, 2, "out of the register's range"),
     ],
 )
@@ -99,7 +99,7 @@ def test_a_reboot_ends_a_hardware_error(emulator: EmulatedBus, open_bus: Any) ->
         bus.sync_read(132, 4, IDS)
         assert bus.alerted(IDS) == (1,)
         assert bus.read(1, reg.HARDWARE_ERROR) == 1 << 5
-        with pytest.raises(ServoRefused, match="id 1 refuses torque_enable = 1: it cannot do that"):
+        with pytest.raises(ServoRefused, match="id 1 refuses torque_enable = 1: the servo cannot execute it"):
             bus.write(1, reg.TORQUE_ENABLE, 1)
         bus.reply_margin_s = BRISK_S  # it is silent while it boots
         bus.reboot((1,))

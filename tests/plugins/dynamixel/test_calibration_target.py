@@ -35,7 +35,7 @@ def test_a_servo_in_position_mode_takes_small_offsets_only(emulator: EmulatedBus
     before = target.stored()
     with pytest.raises(
         MotorCheckFailed,
-        match=r"id 1 works in mode 3 \(position\) and would ignore a homing offset of 1025 ticks",
+        match=r"id 1 is in mode 3 \(position\) and would ignore a homing offset of 1025 ticks",
     ):
         target.store(1, StoredMotor(1025, 0, 4095))
     assert target.stored() == before

@@ -45,7 +45,7 @@ def test_one_model_for_each_id() -> None:
         (
             BLOCK.replace('models: "xl330-m077"', 'models: ["xl330-m077", "xl330-m077", "xl330-m077"]'),
             "models",
-            "3 models do not go with 2 motor_ids",
+            "models has 3 entries, but motor_ids has 2",
             "2 models, one for each id",
         ),
         (

@@ -122,7 +122,7 @@ def test_identities_are_written_and_all_else_stays(
     assert 'serial { port: "' + f'{tmp_path}/dev/ttyACM1" serial_number: "R1", baudrate' in after
     assert after.replace('\n          serial_number: "L1"', "").replace(' serial_number: "R1"', "") == before
     assert run(tmp_path, "--write", str(config)) == 0
-    assert "names its adapters already; nothing to write" in capsys.readouterr().out
+    assert "already names its adapters, so there is nothing to write" in capsys.readouterr().out
     assert config.read_text() == after
 
 
@@ -179,9 +179,9 @@ def test_an_arm_that_is_not_plugged_in_is_not_guessed(
     config.write_text(config.read_text().replace("ttyACM1", "ttyACM7"))
     error = refused(tmp_path, config, capsys)
     assert "follower_arm: " in error
-    assert "cannot be told which adapter is meant" in error
+    assert "does not say which of the others to use" in error
     assert "(serial_number L1, vid_pid 1a86:55d3)" in error
-    assert "name one: --node follower_arm --port PATH" in error
+    assert "choose one: --node follower_arm --port PATH" in error
 
 
 def test_two_arms_cannot_share_an_adapter(
@@ -222,10 +222,10 @@ def test_adapters_without_a_serial_number_are_named_by_product_or_by_socket(
             ("--node", "leader"),
             "no node leader with a serial link; nearest: leader_arm. Nodes with one",
         ),
-        (("--port", "/dev/ttyACM0"), "which adapter is whose? Give one --port with one --node"),
+        (("--port", "/dev/ttyACM0"), "several nodes or ports match: give one --port with one --node"),
         (
             ("--node", "leader_arm", "--port", "/dev/null"),
-            "/dev/null is no USB adapter",
+            "/dev/null is not a USB adapter",
         ),
     ],
 )
@@ -251,7 +251,7 @@ def test_a_file_that_cannot_be_written_is_put_back(
         raise write_command.Refused("it reads back otherwise")
 
     monkeypatch.setattr(write_command, "_check", refuse)
-    assert "the file was put back: it reads back otherwise" in refused(tmp_path, config, capsys)
+    assert "the file was restored: it reads back otherwise" in refused(tmp_path, config, capsys)
 
 
 def test_without_any_adapter_there_is_nothing_to_write(

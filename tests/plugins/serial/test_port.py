@@ -140,7 +140,7 @@ def test_a_port_belongs_to_one_process(emulator: EmulatedBus) -> None:
     assert other.stdout.readline() == "open\n"
     port = port_of(emulator)
     with pytest.raises(
-        PortBusy, match=rf"the port is in use by \S+ \(process {other.pid}\)\. .*two programs"
+        PortBusy, match=rf"the port is in use by \S+ \(process {other.pid}\)\. .*Two programs"
     ):
         port.open()
     other.kill()
@@ -173,7 +173,10 @@ def test_a_port_of_a_foreign_group_names_group_and_remedy(tmp_path: Path) -> Non
     ):
         port.open()
     path.chmod(0o000)
-    with as_other_user(), pytest.raises(PortForbidden, match=r"lets no group in: install the udev rules"):
+    with (
+        as_other_user(),
+        pytest.raises(PortForbidden, match=r"gives no group access: install the udev rules"),
+    ):
         port.open()
 
 
@@ -183,8 +186,8 @@ def test_an_unplugged_adapter_is_reported_as_gone(emulator: EmulatedBus) -> None
     emulator.fault("unplug")
     with pytest.raises(
         PortDisconnected,
-        match=r"ttyACM0 \(usb:EMULATED0\): the adapter is gone.*plug and cable; it is found again "
-        r"under this path only; with serial_number, under any name \(joshua find-port --write\)",
+        match=r"ttyACM0 \(usb:EMULATED0\): the adapter is gone.*plug and cable. JOSHUA finds it "
+        r"again under this path only; with serial_number, under any path \(joshua find-port --write\)",
     ):
         port.receive(6, time.monotonic() + 30)
     with pytest.raises(PortDisconnected):
@@ -207,7 +210,7 @@ def test_an_adapter_with_a_lasting_name_is_found_again(emulator: EmulatedBus) ->
     port = SerialPort(Endpoint(serial_number="EMULATED0", device_root=str(emulator.root)), 1_000_000)
     port.open()
     emulator.fault("unplug")
-    with pytest.raises(PortDisconnected, match=r"found again by its identity, under any name"):
+    with pytest.raises(PortDisconnected, match=r"finds it again by its identity, under any path"):
         port.receive(6, time.monotonic() + 30)
     emulator.fault("replug", name="ttyUSB3")
     port.open()

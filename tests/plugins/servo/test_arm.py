@@ -147,7 +147,7 @@ def test_unplugging_disconnects_and_the_arm_is_found_under_another_name(
         arm.release()
     arm.disconnect()
     arm.release()
-    with pytest.raises(DeviceError, match=r"ARM1.*: no adapter of this identity"):
+    with pytest.raises(DeviceError, match=r"ARM1.*: no adapter with this identity"):
         arm.connect()
     arm_emulator.fault("replug", name="ttyACM4")
     arm.connect()

@@ -192,7 +192,7 @@ def test_a_driven_gripper_holds_where_one_without_grip_mode_drops_its_object(
     [
         ({"motor_id": 6, "gripper": True, "grip_torque_percent": 30}, "30 % torque, but its limit is 50 %"),
         ({"motor_id": 6, "gripper": True, "torque_limit_percent": 10}, "20 % torque, but its limit is 10 %"),
-        ({"motor_id": 6, "grip_load_percent": 15}, "a grip load, but not the other settings"),
+        ({"motor_id": 6, "grip_load_percent": 15}, "grip_load_percent, but lacks other settings"),
     ],
 )
 def test_a_grip_that_would_trip_is_refused(joint: dict[str, Any], problem: str) -> None:

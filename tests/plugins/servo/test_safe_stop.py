@@ -196,7 +196,7 @@ def test_a_silent_servo_is_reported_honestly(kind: Kind, moving_arm: EmulatedBus
     assert not report.complete
     assert report.joints[5] == "not verified"
     assert report.joints[1] == "released"
-    assert report.detail == "ids 5 did not confirm; cut the arm's supply by hand if it holds"
+    assert report.detail == "ids 5 did not confirm. Cut the arm's supply by hand if it still holds"
 
 
 def test_lost_packets_do_not_stop_it(kind: Kind, moving_arm: EmulatedBus) -> None:

@@ -176,5 +176,7 @@ def test_a_model_that_measures_no_current_has_no_current_limit() -> None:
         "models": ["xl430-w250"],
         "joint": [{"current_limit_ma": 300}],
     }
-    with pytest.raises(ValueError, match="an xl430-w250 has no current limit: it measures its load instead"):
+    with pytest.raises(
+        ValueError, match="an xl430-w250 has no current limit, because it measures load instead of current"
+    ):
         DYNAMIXEL_KIND.settings_type.model_validate(values)

@@ -125,7 +125,7 @@ def test_another_adapter_is_refused_even_with_the_same_values(
 def test_servos_set_up_for_something_else_are_refused(arm_emulator: EmulatedBus, make_arm: Any) -> None:
     arm = make_arm(arm_emulator)
     arm_emulator.ask("set_register", id=2, name="mode", value=1)
-    with pytest.raises(MotorCheckFailed, match=r"id 2 works in mode 1, expected 0 \(position\)"):
+    with pytest.raises(MotorCheckFailed, match=r"id 2 is in mode 1, expected 0 \(position\)"):
         arm.connect()
     arm_emulator.ask("set_register", id=2, name="mode", value=0)
     arm_emulator.ask("set_register", id=2, name="max_position_limit", value=0)

@@ -13,6 +13,7 @@ from joshua.devices.calibration import ArmCalibration
 from joshua.schema import config_pb2
 from joshua_emulator import EmulatedBus
 from joshua_serial.port import SerialPort
+from joshua_serial.ports import survey
 from joshua_serial.usb_ports import Endpoint
 
 
@@ -58,8 +59,8 @@ def test_what_motors_say_of_themselves_is_judged(capsys: pytest.CaptureFixture[s
     assert "error    motors: " in out
     assert "id 3: 85 °C, at most 70 °C" in out
     assert "id 3: too hot" in out
-    assert "id 2: is a STS3250, which this driver does not drive" in out
-    assert "motors have different firmware, 3.8: id 1" in out
+    assert "id 2: is a STS3250, which this driver does not support" in out
+    assert "motors have different firmware versions: 3.8: id 1" in out
 
 
 def test_the_voltage_and_the_line_speed_are_judged(
@@ -71,26 +72,33 @@ def test_the_voltage_and_the_line_speed_are_judged(
     out = capsys.readouterr().out
     assert "id 1: 3.5 V, allowed 4.0 to 14.0 V\n         do: use a supply of the motors' voltage" in out
     assert "different line speeds: 1000000 bit/s: ids 1, 2; 115200 bit/s: id 3" in out
-    assert "joshua motors setup gives them one" in out
+    assert "run joshua motors setup to set one" in out
     emulator.ask("set", volts=4.3)
     run(emulator)
-    assert "4.3 V, allowed 4.0 to 14.0 V\n         do: check the supply: it sinks" in capsys.readouterr().out
+    assert (
+        "4.3 V, allowed 4.0 to 14.0 V\n         do: check the supply: its voltage" in capsys.readouterr().out
+    )
 
 
-def test_a_silent_and_a_busy_port(emulator: EmulatedBus, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_silent_and_a_busy_port(
+    emulator: EmulatedBus, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     emulator.fault("silent")
     assert run(emulator) == 0
     assert (
-        "no motor answers at any line speed\n         do: if this is the adapter of an arm: switch"
+        "no motor answers at any line speed\n         do: if this adapter belongs to an arm, switch"
         in capsys.readouterr().out
     )
     port = SerialPort(Endpoint(emulator.port), 1_000_000)
     port.open()
     try:
         assert run(emulator) == 4
+        assert "the port is in use by " in capsys.readouterr().out
+        monkeypatch.setattr(survey, "node_that_holds", lambda processes: f"in use by {list(processes)}")
+        assert run(emulator) == 0  # a run uses it
     finally:
         port.close()
-    assert "the port is in use by " in capsys.readouterr().out
+    assert "not checked: in use by [" in capsys.readouterr().out
 
 
 def test_a_calibrated_arm_of_a_file_is_opened_and_left_without_torque(

@@ -44,7 +44,7 @@ def test_what_is_wrong_on_a_bus_is_said(capsys: pytest.CaptureFixture[str]) -> N
     out = capsys.readouterr().out
     assert "at 1000000 bit/s: ids 1, 2 (12.0 V)\n    id 1: overloaded\n    id 2: is a STS3250, which" in out
     assert "at 115200 bit/s: id 3 (12.0 V)" in out
-    assert "motors of one bus need one line speed and one family: joshua motors setup" in out
+    assert "motors of one bus need one line speed and one family: run joshua motors setup" in out
 
 
 def test_two_motors_of_one_id_and_an_empty_bus(capsys: pytest.CaptureFixture[str]) -> None:
@@ -106,8 +106,8 @@ def test_an_adapter_is_found_by_pulling_its_plug(
     hand(lambda: right.fault("unplug"), lambda: right.fault("replug", name="ttyACM5"))
     assert run(left, "--unplug") == 0
     out, err = capsys.readouterr()
-    assert "pull the plug of one adapter out (2 are plugged in)" in err
-    assert "ttyACM1 (serial_number RIGHT, vid_pid 1a86:55d3); put the plug in again" in err
+    assert "unplug one adapter (2 are plugged in)" in err
+    assert "ttyACM1 (serial_number RIGHT, vid_pid 1a86:55d3). Plug it back in" in err
     assert f"{left.root}/dev/ttyACM5\n" in out
     assert 'serial_number: "RIGHT"' in out
     assert "STS3215 servos at 1000000 bit/s: id 2" in out
@@ -141,7 +141,7 @@ def test_pulling_nothing_or_everything_is_said(
     left, right = two_arms
     monkeypatch.setattr("joshua_serial.ports.unplug.find_by_unplugging.__defaults__", (0.5,))
     assert run(left, "--unplug") == 4
-    assert "no plug was pulled within 0.5 s" in capsys.readouterr().err
+    assert "no adapter was unplugged within 0.5 s" in capsys.readouterr().err
 
     def pull_the_hub() -> None:
         left.fault("unplug")
@@ -149,6 +149,6 @@ def test_pulling_nothing_or_everything_is_said(
 
     hand(pull_the_hub)
     assert run(left, "--unplug") == 4
-    assert "went away at once: pull one plug, not that of a hub" in capsys.readouterr().err
+    assert "disconnected together: unplug one adapter, not a hub" in capsys.readouterr().err
     assert run(left, "--unplug") == 4
     assert "no USB serial adapter is plugged in" in capsys.readouterr().err

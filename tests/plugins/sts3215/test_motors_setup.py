@@ -95,7 +95,7 @@ def test_new_motors_get_their_ids_one_after_the_other(new_motors: EmulatedBus) -
         text = joshua.wait(PROMPT)
         assert "joint_3 (id 3): was id 1 at 1000000 bit/s, is id 3 at 1000000 bit/s now, verified" in text
         joshua.enter()  # the same motor is still there
-        assert "this motor has its id already, that of joint_3 (id 3): connect only" in joshua.wait(PROMPT)
+        assert "this motor already has the id of joint_3 (id 3): connect only" in joshua.wait(PROMPT)
         connect(new_motors, 1)
         joshua.enter()
         assert "joint_2 (id 2): was id 1 at 115200 bit/s, is id 2 at 1000000 bit/s now" in joshua.wait(PROMPT)
@@ -117,7 +117,7 @@ def test_two_motors_at_once_and_none_are_refused(new_motors: EmulatedBus) -> Non
     with program("setup", "--port", new_motors.port, "--ids", "1-3") as joshua:
         joshua.wait(PROMPT)
         joshua.enter()
-        assert "no motor answers at any line speed (is the supply on" in joshua.wait(PROMPT)
+        assert "no motor answers at any line speed (check the supply" in joshua.wait(PROMPT)
         new_motors.ask("set_register", slot=1, name="id", value=7)
         connect(new_motors, 0, 1)
         joshua.enter()
@@ -230,9 +230,9 @@ def test_the_motors_of_a_file_are_set_up(new_motors: EmulatedBus, tmp_path: Path
         (
             ("--port", "/dev/null", "--ids", "1", "--baudrate", "9600"),
             2,
-            "no line speed of 9600 bit/s: allowed",
+            "not support a line speed of 9600 bit/s: allowed",
         ),
-        (("--port", "/dev/null", "--ids", "1", "--kind", "sts321"), 2, "nearest: sts3215: --kind is one of"),
+        (("--port", "/dev/null", "--ids", "1", "--kind", "sts321"), 2, "nearest: sts3215; choose one of"),
         (("--config", "/nowhere.pbtxt"), 2, "/nowhere.pbtxt"),
     ],
 )
@@ -249,7 +249,7 @@ def test_a_file_with_several_buses_needs_a_node(tmp_path: Path) -> None:
     with program("setup", "--config", str(preset)) as joshua:
         code, text = joshua.end()
     assert code == 2
-    assert "has several buses, name one: --node with one of leader_arm, follower_arm" in text
+    assert "has several buses: add --node with one of leader_arm, follower_arm" in text
     with program("setup", "--config", str(preset), "--node", "leader") as joshua:
         code, text = joshua.end()
     assert "has no node 'leader' with a bus of motors; nearest: leader_arm" in text
@@ -285,4 +285,4 @@ def test_the_list_names_every_motor_with_its_state(arm_emulator: EmulatedBus) ->
     with program("list", "--port", arm_emulator.port) as joshua:
         code, text = joshua.end()
     assert code == 4
-    assert "no motor answers: is the supply on, and the cable in?" in text
+    assert "no motor answers. Check the supply and the cable" in text

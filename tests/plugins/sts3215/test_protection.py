@@ -83,9 +83,7 @@ def test_a_joint_beyond_its_servos_limits_gets_no_torque(arm_emulator: EmulatedB
     arm_emulator.ask("set_register", id=2, name="max_position_limit", value=highest - 600)
     arm = make_arm(arm_emulator, calibration=arm_emulator.calibration())
     arm.connect()
-    with pytest.raises(
-        SafetyTripped, match=r"shoulder_lift \(id 2\) stands at \d+ ticks, beyond the limits of"
-    ):
+    with pytest.raises(SafetyTripped, match=r"shoulder_lift \(id 2\) is at \d+ ticks, outside the limits of"):
         arm.enable()
     assert energised(arm_emulator) == {False}
     arm_emulator.hand({2: highest - 590})
@@ -100,7 +98,7 @@ def test_an_open_arm_is_checked_again(arm_emulator: EmulatedBus, make_arm: Any) 
     arm.connect()
     arm.check()
     arm_emulator.ask("set_register", id=2, name="mode", value=1)
-    with pytest.raises(MotorCheckFailed, match="id 2 works in mode 1"):
+    with pytest.raises(MotorCheckFailed, match="id 2 is in mode 1"):
         arm.check()
     assert arm.connected
 

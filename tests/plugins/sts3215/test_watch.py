@@ -69,7 +69,7 @@ def test_the_bus_row_counts_what_was_lost_since_the_last() -> None:
     counters = BusCounters(requests=10, lost={3: 2, 1: 1})
     row = bus_row(counters, 1, "usb:SN1")
     assert (row.level, row.message) == (
-        DiagnosticStatus.WARN, "2 replies lost since the last report, most of id 3: check its cable",
+        DiagnosticStatus.WARN, "2 replies lost since the last report, mostly from id 3: check its cable",
     )  # fmt: skip
     assert bus_row(counters, 3, "").level == DiagnosticStatus.OK
     assert row.values["lost_replies"] == "3"

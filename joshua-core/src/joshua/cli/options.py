@@ -56,7 +56,7 @@ def add_config(parser: _Container, help_text: str, default: Any = argparse.SUPPR
 
 def add_format(parser: _Container, default: str = argparse.SUPPRESS) -> None:
     """Add ``--format``."""
-    parser.add_argument("--format", choices=("text", "json"), default=default, help="form of the output")
+    parser.add_argument("--format", choices=("text", "json"), default=default, help="output format")
 
 
 def add_timeout(parser: _Container, help_text: str, default_s: float | None) -> None:

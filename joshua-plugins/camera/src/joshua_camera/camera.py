@@ -100,7 +100,7 @@ class OpenCvCamera(Sensor):
             Cancelled: the run ends.
         """
         if self.connected:
-            raise DeviceError(f"{self.source.label} is open already: disconnect first")
+            raise DeviceError(f"{self.source.label} is already open: disconnect first")
         warnings = self._load_intrinsics()
         thread = CaptureThread(_CAPTURES[self.source.kind](self.source, self.settings))
         with self._lock:

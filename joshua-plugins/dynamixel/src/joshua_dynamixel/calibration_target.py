@@ -47,7 +47,7 @@ class DynamixelCalibrationTarget(ServoCalibrationTarget):
         offset = registers[HOMING_OFFSET]
         if not self._setups[motor_id].turns and abs(offset) > LARGEST_JOINT_OFFSET:
             raise MotorCheckFailed(
-                f"{self._port}: id {motor_id} works in mode 3 (position) and would ignore a homing offset of "
-                f"{-offset} ticks; it takes {-LARGEST_JOINT_OFFSET} to {LARGEST_JOINT_OFFSET}. joshua motors "
-                "setup gives it mode 4 (extended position), which takes any."
+                f"{self._port}: id {motor_id} is in mode 3 (position) and would ignore a homing offset of "
+                f"{-offset} ticks; allowed {-LARGEST_JOINT_OFFSET} to {LARGEST_JOINT_OFFSET}. Run joshua "
+                "motors setup to set mode 4 (extended position), which allows any."
             )

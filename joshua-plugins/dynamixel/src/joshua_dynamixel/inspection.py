@@ -53,7 +53,7 @@ def read_setups(bus: Bus, ids: Sequence[int]) -> list[ServoSetup]:
     missing = [servo_id for servo_id in ids if servo_id not in blocks]
     if missing:
         raise NoReply(
-            f"{bus.port}: ids {', '.join(map(str, missing))} no longer answer. Check cable and supply."
+            f"{bus.port}: ids {', '.join(map(str, missing))} do not reply. Check their cables and the supply."
         )
     problems: list[str] = []
     setups = [_setup(servo_id, blocks[servo_id], problems) for servo_id in ids]
@@ -68,19 +68,19 @@ def _setup(servo_id: int, block: bytes, problems: list[str]) -> ServoSetup:
     mode, offset = value(OPERATING_MODE), value(HOMING_OFFSET)
     if mode not in OperatingMode.ALL:
         problems.append(
-            f"id {servo_id} works in mode {mode}, expected 3 (position), 4 (extended position) or "
-            "5 (current-based position)"
+            f"id {servo_id} is in mode {mode}, expected 3 (position), 4 (extended position) or 5 "
+            "(current-based position)"
         )
     if mode == OperatingMode.POSITION and abs(offset) > LARGEST_JOINT_OFFSET:
         problems.append(
-            f"id {servo_id} ignores its homing offset of {-offset} ticks in mode 3 (position), which takes "
-            f"{-LARGEST_JOINT_OFFSET} to {LARGEST_JOINT_OFFSET}; expected mode 4 (extended position)"
+            f"id {servo_id}cannot apply its homing offset of {-offset} ticks in mode 3 (position), which "
+            f"allows {-LARGEST_JOINT_OFFSET} to {LARGEST_JOINT_OFFSET}; expected mode 4 (extended position)"
         )
     if value(DRIVE_MODE) & TIME_BASED:
-        problems.append(f"id {servo_id} uses time-based profiles (drive mode bit 2), expected 0")
+        problems.append(f"id {servo_id} has time-based profiles enabled (drive mode bit 2), expected 0")
     if value(STATUS_LEVEL) != 2:
         problems.append(
-            f"id {servo_id} acknowledges no writes (status level {value(STATUS_LEVEL)}), expected 2"
+            f"id {servo_id} does not acknowledge writes (status level {value(STATUS_LEVEL)}), expected 2"
         )
     turns = mode in OperatingMode.MULTI_TURN
     return ServoSetup(

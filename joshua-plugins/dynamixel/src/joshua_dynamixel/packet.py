@@ -31,11 +31,12 @@ _PATTERN, _STUFFED = b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"
 
 #: Why a servo refuses a request, by the error number of its reply. A corrupt request is simply sent again.
 REFUSALS = {
-    handler.ERRNUM_RESULT_FAIL: "it cannot do that now; after a hardware error only a reboot clears it",
-    handler.ERRNUM_INSTRUCTION: "it does not know the instruction",
+    handler.ERRNUM_RESULT_FAIL: "the servo cannot execute it in its present state; after a hardware error, "
+    "reboot the servo",
+    handler.ERRNUM_INSTRUCTION: "the servo does not support the instruction",
     handler.ERRNUM_DATA_RANGE: "the value is out of the register's range",
-    handler.ERRNUM_DATA_LENGTH: "the value has another width",
-    handler.ERRNUM_DATA_LIMIT: "the value is beyond a limit that the servo holds",
+    handler.ERRNUM_DATA_LENGTH: "the value has the wrong width",
+    handler.ERRNUM_DATA_LIMIT: "the value exceeds a limit stored in the servo",
     handler.ERRNUM_ACCESS: "the address is read-only, absent, or locked while torque is on",
 }
 

@@ -68,8 +68,8 @@ class DynamixelSettings(ServoSettings):
         if len(self.models) not in (1, len(self.motor_ids)):
             raise FieldError(
                 "models",
-                f"{len(self.models)} models do not go with {len(self.motor_ids)} motor_ids",
-                allowed=("1 model, for all servos", f"{len(self.motor_ids)} models, one for each id"),
+                f"models has {len(self.models)} entries, but motor_ids has {len(self.motor_ids)}",
+                allowed=("1 model for all servos", f"{len(self.motor_ids)} models, one for each id"),
                 remedy="write one model for each id, in the same order, or one for all",
             )
         return self
@@ -83,7 +83,7 @@ class DynamixelSettings(ServoSettings):
             if joint.current_limit_ma is not None and not model.current_unit_a:
                 raise FieldError(
                     "joint",
-                    f"an {model.name} has no current limit: it measures its load instead",
+                    f"an {model.name}has no current limit, because it measures load instead of current",
                     remedy="set torque_limit_percent instead of current_limit_ma",
                 )
         return self

@@ -95,7 +95,7 @@ class SerialEncoder(Sensor):
             Cancelled: the run ends.
         """
         if self.connected:
-            raise DeviceError(f"{self._port} is open already: disconnect first")
+            raise DeviceError(f"{self._port} is already open: disconnect first")
         settings = self.settings
         self._port.baudrate = settings.baudrate
         self._port.open()

@@ -125,7 +125,7 @@ class SerialLidar(Sensor):
             Cancelled: the run ends; the motor is then off.
         """
         if self.connected:
-            raise DeviceError(f"{self._port} is open already: disconnect first")
+            raise DeviceError(f"{self._port} is already open: disconnect first")
         self._port.baudrate = self.settings.baudrate
         self._port.open()
         try:

@@ -64,7 +64,7 @@ class SimActuator(Actuator):
     def connect(self) -> None:
         """Join the simulation of this process with torque off. Raises DeviceError."""
         if self.connected:
-            raise DeviceError("SimActuator.connect: the device is open already")
+            raise DeviceError("SimActuator.connect: the device is already open")
         simulation = self.context.facts.simulation
         if not simulation:
             raise DeviceError("SimActuator.connect: the configuration has no simulation block: add one")

@@ -72,7 +72,7 @@ class SimCamera(Sensor):
     def connect(self) -> None:
         """Join the simulation of this process. Raises DeviceError."""
         if self.connected:
-            raise DeviceError("SimCamera.connect: the device is open already")
+            raise DeviceError("SimCamera.connect: the device is already open")
         simulation = self.context.facts.simulation
         if not simulation:
             raise DeviceError("SimCamera.connect: the configuration has no simulation block: add one")

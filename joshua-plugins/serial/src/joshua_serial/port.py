@@ -97,8 +97,8 @@ class SerialPort:
             if error.args and error.args[0] in _GONE:
                 raise self._disconnected(error) from error
             raise PortUnusable(
-                f"{self}: cannot run at {baudrate} bit/s ({_reason(error)}); "
-                "choose a baudrate that adapter and device share, such as 115200"
+                f"{self}: cannot run at {baudrate} bit/s ({_reason(error)}); choose a baudrate that adapter "
+                "and device support, such as 115200"
             ) from error
 
     def wire_time_s(self, size: int) -> float:
@@ -216,7 +216,8 @@ class SerialPort:
             if error.errno in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.ELOOP, errno.ENOTDIR):
                 raise PortNotFound(
                     f"{path}: no such serial port. Ports here: {describe_ports(self.endpoint.device_root)}. "
-                    "Plug the adapter in or correct comm.serial.port; serial_number finds it under any name."
+                    "Plug the adapter in or correct comm.serial.port; serial_number finds it under any "
+                    "path."
                 ) from error
             if error.errno in (errno.EACCES, errno.EPERM):
                 raise PortForbidden(_forbidden(path)) from error
@@ -226,7 +227,7 @@ class SerialPort:
         if not os.isatty(fd):
             os.close(fd)
             raise PortUnusable(
-                f"{path}: is no serial port. Ports here: {describe_ports(self.endpoint.device_root)}. "
+                f"{path}: is not a serial port. Ports here: {describe_ports(self.endpoint.device_root)}. "
                 "Correct comm.serial.port."
             )
         return fd
@@ -282,13 +283,13 @@ class SerialPort:
 
     def _disconnected(self, error: BaseException) -> PortDisconnected:
         found_again = (
-            "it is found again by its identity, under any name"
+            "JOSHUA finds it again by its identity, under any path"
             if self.endpoint.is_lasting
-            else "it is found again under this path only; with serial_number, under any name "
-            "(joshua find-port --write)"
+            else "JOSHUA finds it again under this path only; with serial_number, under any path (joshua "
+            "find-port --write)"
         )
         return PortDisconnected(
-            f"{self}: the adapter is gone ({_reason(error)}). Check its plug and cable; {found_again}."
+            f"{self}: the adapter is gone ({_reason(error)}). Check its plug and cable. {found_again}."
         )
 
 
@@ -303,7 +304,7 @@ def _forbidden(path: str) -> str:
         group = str(status.st_gid)
     if not status.st_mode & stat.S_IWGRP:
         mode = stat.filemode(status.st_mode)
-        remedy = f"its mode {mode} lets no group in: install the udev rules that joshua doctor writes"
+        remedy = f"its mode {mode} gives no group access: install the udev rules of joshua doctor --udev"
     else:
         remedy = f"it belongs to the group {group}: run `sudo usermod -a -G {group} $USER`, then log in again"
     return f"{path}: this user may not open the port; {remedy}."
@@ -313,14 +314,14 @@ def _busy(path: str) -> PortBusy:
     processes = holders(path)
     if any(map(is_guardian, processes)):
         return PortGuarded(
-            f"{path}: a guardian (process {processes[0]}) is bringing the device into its safe state. "
-            "Leave it alone; it ends within seconds, then try again.",
+            f"{path}: a guardian (process {processes[0]}) is bringing the device into its safe state. It "
+            "ends within seconds. Then try again.",
             processes=processes,
         )
     who = ", ".join(map(describe_process, processes)) or "another process"
     return PortBusy(
-        f"{path}: the port is in use by {who}. Stop that, or correct comm.serial; "
-        "two programs cannot share a bus.",
+        f"{path}: the port is in use by {who}. Stop it, or correct comm.serial. Two programs cannot share a "
+        "bus.",
         processes=processes,
     )
 

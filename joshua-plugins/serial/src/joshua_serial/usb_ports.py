@@ -116,12 +116,12 @@ def resolve(endpoint: Endpoint) -> PortEntry:
         numbers = {port.serial_number for port in fitting}
         which = "serial_number" if len(numbers) == len(fitting) else "port"
         raise PortNotFound(
-            f"{endpoint}: {len(fitting)} adapters fit, the file must name one: {_listing(fitting)}. "
-            f"Give {which} as well, or unplug the others."
+            f"{endpoint}: {len(fitting)} adapters match: {_listing(fitting)}. Add {which} to the file, or "
+            "unplug the others."
         )
     raise PortNotFound(
-        f"{endpoint}: no adapter of this identity is plugged in. Ports here: {_listing(ports)}. "
-        "Plug the device in and check its supply, or correct comm.serial; joshua find-port lists the ports."
+        f"{endpoint}: no adapter with this identity is plugged in. Ports here: {_listing(ports)}. Plug the "
+        "device in and check its supply, or correct comm.serial; joshua find-port lists the ports."
     )
 
 

@@ -166,10 +166,10 @@ class ServoArm(Actuator):
         After a disconnection, the adapter is found by its identity under any name.
 
         Raises:
-            DeviceError: the device is open already, or one of its kinds with cause and remedy.
+            DeviceError: the device is already open, or one of its kinds with cause and remedy.
         """
         if self.connected:
-            raise DeviceError(f"{type(self).__name__}.connect: the device is open already")
+            raise DeviceError(f"{type(self).__name__}.connect: the device is already open")
         with self._lock:
             open_unguarded(self._port, self.context.stopping)
             try:
@@ -315,7 +315,7 @@ class ServoArm(Actuator):
                     f"{self._port}: torque was disabled: {self._tripped}. Enable it again first."
                 )
             if not self._enabled:
-                raise NotEnabled(f"{self._port}: the joints have no torque: call enable first")
+                raise NotEnabled(f"{self._port}: torque is off: call enable first")
             elapsed_s = min(time.monotonic() - self._written_s, MAX_RATE_WINDOW_S)
             goal = self._map.limited(wanted, self._goal, elapsed_s)
             ticks = self._map.ticks(goal, self._goal_ticks)
@@ -463,8 +463,8 @@ class ServoArm(Actuator):
             text = f"{self._port}: {reason}; torque could not be verified as off: {error}"
             raise SafetyTripped(text, released=False) from error
         raise SafetyTripped(
-            f"{self._port}: {reason}. The torque of this arm is off; look for the cause (a blocked "
-            "joint, heat, the supply)."
+            f"{self._port}: {reason}. The torque of this arm is off. Find the cause (a blocked joint, heat, "
+            "the supply)."
         )
 
     def _report_voltage(self, readings: Sequence[Feedback]) -> None:

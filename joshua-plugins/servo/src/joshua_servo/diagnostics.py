@@ -63,7 +63,8 @@ def bus_row(counters: BusCounters, lost_before: int, hardware_id: str) -> Diagno
     message = "in order"
     if lost > lost_before:
         message = (
-            f"{lost - lost_before} replies lost since the last report, most of id {worst}: check its cable"
+            f"{lost - lost_before} replies lost since the last report, mostly from id {worst}: check its "
+            "cable"
         )
     return DiagnosticStatus(
         DiagnosticStatus.WARN if lost > lost_before else DiagnosticStatus.OK,

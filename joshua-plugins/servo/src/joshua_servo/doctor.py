@@ -36,8 +36,8 @@ def check_buses(
         path = found.entry.path
         if found.problem:
             text = found.problem.removeprefix(f"{path}: ")
-            if "which runs now" in text:
-                yield DoctorResult(Level.NOTE, NAME, path, f"was not checked: {text}")
+            if found.is_in_run:
+                yield DoctorResult(Level.NOTE, NAME, path, f"not checked: {text}")
             else:
                 yield DoctorResult(Level.ERROR, NAME, path, text)
         elif not found.motors:
@@ -46,7 +46,7 @@ def check_buses(
                 NAME,
                 path,
                 "no motor answers at any line speed",
-                "if this is the adapter of an arm: switch the supply on, check the first cable",
+                "if this adapter belongs to an arm, switch its supply on and check the first cable",
             )
         else:
             yield from _judge(found, families)
@@ -77,7 +77,7 @@ def _each(found: PortSurvey, families: Families) -> Iterator[DoctorResult]:
 
 def _remedy(motor: FoundMotor) -> str:
     if motor.status:
-        return "find the cause (a blocked joint, heat, the supply), then cut the supply for a moment"
+        return "find the cause (a blocked joint, heat, the supply), then switch the supply off and on"
     return "replace it, or install its plugin"
 
 
@@ -108,7 +108,7 @@ def _voltage(subject: str, motor: FoundMotor) -> Iterator[DoctorResult]:
             NAME,
             subject,
             allowed,
-            "check the supply: it sinks further as soon as the arm moves",
+            "check the supply: its voltage drops further when the arm moves",
         )
 
 
@@ -126,7 +126,7 @@ def _together(path: str, motors: Sequence[FoundMotor]) -> Iterator[DoctorResult]
             NAME,
             path,
             f"motors have different line speeds: {text}",
-            "joshua motors setup gives them one",
+            "run joshua motors setup to set one line speed",
         )
     models = {model for model, _ in versions}
     if len(versions) > len(models):
@@ -135,8 +135,8 @@ def _together(path: str, motors: Sequence[FoundMotor]) -> Iterator[DoctorResult]
             Level.WARNING,
             NAME,
             path,
-            f"motors have different firmware, {text}",
-            "update all of them with the vendor's program",
+            f"motors have different firmware versions: {text}",
+            "update all of them with the vendor's tool",
         )
     volts = [(motor.voltage_v, motor.motor_id) for motor in motors if motor.voltage_v is not None]
     if volts and max(volts)[0] - min(volts)[0] > DROP_V:

@@ -38,7 +38,7 @@ def refuse_setup(bus: ServoBus, problems: Sequence[str]) -> None:
         raise MotorCheckFailed(
             "\n  ".join(
                 [
-                    f"{bus.port}: servos have other settings",
+                    f"{bus.port}: servos have the wrong settings",
                     *problems,
                     "Run joshua motors setup to correct them.",
                 ]
@@ -70,9 +70,9 @@ def check_start(
         low, high = setup.min_position - tolerance_ticks, setup.max_position + tolerance_ticks
         if not setup.turns and not low <= position <= high:
             raise SafetyTripped(
-                f"{bus.port}: {name} (id {setup.servo_id}) stands at {position} ticks, beyond the "
-                f"limits of its servo, {setup.min_position} to {setup.max_position}: torque stays off. "
-                "Move the joint into its range by hand, then try again."
+                f"{bus.port}: {name} (id {setup.servo_id})is at {position}ticks, outside the limits of its "
+                f"servo, {setup.min_position} to {setup.max_position}. Torque stays off. Move the joint "
+                "into its range by hand, then try again."
             )
 
 
@@ -101,19 +101,19 @@ def _check_calibration(bus: ServoBus, settings: ServoSettings, setups: Sequence[
     is_other = bool(made_for and found and made_for != found)
     if not problems and not is_other:
         return
-    cause = "the servos were calibrated again since, or the file belongs to another arm"
+    cause = "the servos have been recalibrated, or the file belongs to another arm"
     remedy = "Calibrate again, or include the right file"
     if is_other:
         cause = f"it was made for {made_for}, and this is {found}"
         remedy = "Connect the other arm, or include the calibration of this one"
         if not problems:
-            remedy += f'; if only the adapter was replaced, write device_identity: "{found}" into the file'
+            remedy += f'. If only the adapter was replaced, write device_identity: "{found}" into the file'
     raise CalibrationMismatch(
         "\n  ".join(
             [
                 f"{bus.port}: the calibration does not match these servos: {cause}",
                 *problems,
-                f"{remedy}; run joshua calibrate --check to compare file and servos.",
+                f"{remedy}. Run joshua calibrate --check to compare file and servos.",
             ]
         )
     )

@@ -59,7 +59,8 @@ def check_motors(bus: ServoBus, models: Mapping[int, str]) -> list[FoundMotor]:
                 *problems,
                 f"expected: {_list(f'{servo_id} ({model})' for servo_id, model in models.items())}",
                 f"found: {_list([*found, *strangers])}",
-                "joshua motors setup gives ids and baud rates; run joshua doctor to check cable and supply.",
+                "Run joshua motors setup to assign ids and baud rates, or joshua doctor to check cable and "
+                "supply.",
             ]
         )
     )

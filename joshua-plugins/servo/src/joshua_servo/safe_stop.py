@@ -114,7 +114,7 @@ def run(request: ServoStopRequest, family: ServoFamily, make_bus: type[ServoBus]
     stop.report.duration_s = time.monotonic() - start_s
     if not stop.report.complete and not stop.report.detail:
         silent = ", ".join(str(i) for i, state in stop.report.joints.items() if state == "not verified")
-        stop.report.detail = f"ids {silent} did not confirm; cut the arm's supply by hand if it holds"
+        stop.report.detail = f"ids {silent} did not confirm. Cut the arm's supply by hand if it still holds"
     return stop.report
 
 

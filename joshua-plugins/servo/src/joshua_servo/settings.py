@@ -174,7 +174,7 @@ class ServoSettings(SerialSettings, ActuatorSettings):
             if joint.grip_torque_percent is None or joint.grip_squeeze_rad is None:
                 raise FieldError(
                     "joint",
-                    f"servo {servo_id} has a grip load, but not the other settings of the grip mode",
+                    f"servo {servo_id} has grip_load_percent, but lacks other settings of the grip mode",
                     remedy="add grip_torque_percent and grip_squeeze_rad, or gripper: true for the defaults",
                 )
             limit = joint.torque_limit_percent or 100
@@ -206,9 +206,9 @@ class ServoSettings(SerialSettings, ActuatorSettings):
                 raise FieldError(
                     "position_max",
                     f"the joint {motor.joint_name} cannot move: position_min {self.position_min_ticks} and "
-                    f"position_max {self.position_max_ticks} leave nothing of its calibrated range, "
+                    f"position_max {self.position_max_ticks} exclude its whole calibrated range, "
                     f"{motor.range_min} to {motor.range_max}",
-                    remedy="widen position_min and position_max; the calibrated range holds anyway",
+                    remedy="widen position_min and position_max. The calibrated range still limits the joint",
                 )
         return self
 

@@ -74,7 +74,7 @@ class _BusToolsClauses:
             require(
                 tools.port.is_open,
                 "the port is closed after the constructor",
-                why="whoever opened the port closes it, with whatever else it is used for",
+                why="the caller opened the port for several uses and closes it itself",
                 cause="the constructor closes the port, or the factory does not open it",
             )
             before = resources.take()
@@ -83,8 +83,8 @@ class _BusToolsClauses:
             require(
                 not left,
                 f"the constructor opened {left}",
-                why="tools of every family are made for a port until one of them finds a motor",
-                cause="work that belongs into scan stands in __init__",
+                why="a port gets tools of each family in turn until one of them finds a motor",
+                cause="work that belongs into scan is done in __init__",
             )
 
     def description(self) -> None:
@@ -99,15 +99,16 @@ class _BusToolsClauses:
             require(
                 isinstance(found, Iterator),
                 f"scan() returned {type(found).__name__}",
-                why="a motor is shown as soon as it is found; looking at every speed takes long",
-                cause="all motors are collected first: yield each instead",
+                why="the user sees each motor as soon as scan finds it, because a scan of every speed "
+                "takes long",
+                cause="scan collects all motors first. Yield each one",
             )
             motors = list(found)
             require(
                 len(motors) >= 2,
                 f"scan() found {[str(motor) for motor in motors]}",
-                why="this check needs two motors or more at one line speed, and scan finds all there are",
-                cause="the bus has fewer, they have no supply, or replies are given up too early",
+                why="this check needs at least two motors at one line speed, and scan must find all of them",
+                cause="the bus has fewer motors, they have no supply, or scan waits too briefly for replies",
             )
             for motor in motors:
                 check_motor(motor, tools)
@@ -115,14 +116,15 @@ class _BusToolsClauses:
                 len({motor.baudrate for motor in motors}) == 1,
                 f"scan() found motors at {sorted({motor.baudrate for motor in motors})} bit/s",
                 why="this check needs motors at one line speed",
-                cause="the bus is mixed, or a motor is found at a speed that it does not have",
+                cause="the motors have different speeds, or scan reports a motor at a speed that it does "
+                "not have",
             )
             order = [(tools.baudrates.index(motor.baudrate), motor.motor_id) for motor in motors]
             require(
                 order == sorted(set(order)),
                 f"scan() yielded {_places(motors)} (id, bit/s)",
-                why="each motor is shown once, by line speed and then by id",
-                cause="ids are asked in another order, or a motor is found at two speeds",
+                why="the user sees each motor once, by line speed and then by id",
+                cause="scan pings ids in another order, or finds a motor at two speeds",
             )
             self._found = motors
 
@@ -136,10 +138,10 @@ class _BusToolsClauses:
                 require(
                     seen == wanted,
                     f"scan({asked}) found {seen} (id, bit/s); expected {wanted}",
-                    why="where the speed is known, looking at all of them only takes time, and to look for "
-                    "motors changes none of them",
-                    cause="the argument is not looked at, a late reply of one motor is taken for the next "
-                    "one's, or scan writes something",
+                    why="if the caller knows the speed, a scan of all speeds wastes time, and a scan must "
+                    "not change a motor",
+                    cause="scan ignores its argument, takes a late reply of one motor for the reply of the "
+                    "next, or writes to a motor",
                 )
 
     def line_speed(self) -> None:
@@ -153,7 +155,7 @@ class _BusToolsClauses:
             found = tools.scan(speeds)
             next(found)
             getattr(found, "close", lambda: None)()
-            self._require_speed(tools, speeds[-1], "a scan that was left half-way")
+            self._require_speed(tools, speeds[-1], "a scan that ended early")
 
     def assign(self) -> None:
         """The motor replies only to its new id, and the others are unchanged."""
@@ -167,10 +169,10 @@ class _BusToolsClauses:
                 wanted = sorted([*_places(others), (free, motor.baudrate)])
                 require(
                     _places([after]) == [(free, motor.baudrate)] and seen == wanted,
-                    f"after assign({motor.motor_id} → {free}) it said {after.motor_id}, and there are {seen} "
+                    f"assign({motor.motor_id} → {free}) returned {after.motor_id}, and scan finds {seen} "
                     f"(id, bit/s); expected {wanted}",
-                    why="the user puts a label with the new id on the motor",
-                    cause="the motor's memory was locked again too early, or another motor took the id, too",
+                    why="the user labels the motor with its new id",
+                    cause="assign locks the motor's memory too early, or another motor takes the id as well",
                 )
             tools.assign(after, motor.motor_id, motor.baudrate)
 
@@ -182,9 +184,9 @@ class _BusToolsClauses:
             require(
                 (after.motor_id, after.baudrate, after.model)
                 == (motor.motor_id, motor.baudrate, motor.model),
-                f"assign of the id and speed that {motor} has already returned {after}",
-                why="joshua motors setup may be run again after it was broken off",
-                cause="the motor's own id is taken for that of another motor",
+                f"assign of the present id and speed of {motor} returned {after}",
+                why="a user may repeat joshua motors setup after an interruption",
+                cause="assign takes the motor's own id for the id of another motor",
             )
 
     def assign_speed(self) -> None:
@@ -202,11 +204,11 @@ class _BusToolsClauses:
                 wanted = [*_places(others), (motor.motor_id, other)]
                 require(
                     _places([after]) == wanted[-1:] and seen == wanted,
-                    f"after assign({motor.motor_id}, {other}) it said {after.motor_id} at {after.baudrate}, "
-                    f"and there are {seen} (id, bit/s); expected {wanted}",
-                    why="the motor is looked for at the speed that it was given",
-                    cause="the code of the speed is that of another one, or the port is not switched over to "
-                    "ask at the new speed",
+                    f"assign({motor.motor_id}, {other}) returned {after.motor_id} at {after.baudrate}, and "
+                    f"scan finds {seen} (id, bit/s); expected {wanted}",
+                    why="later requests to the motor use its new speed",
+                    cause="assign writes the register code of another speed, or does not switch the port "
+                    "to the new speed",
                 )
             tools.assign(after, motor.motor_id, motor.baudrate)
 
@@ -217,7 +219,7 @@ class _BusToolsClauses:
             home, speed = motor.baudrate, tools.port.baudrate
             free, another = self._free_ids(tools)[:2]
             foreign, shared = max(tools.baudrates) + 1, replace(motor, shared=True)
-            unchecked = "the value goes to the motor unchecked, which takes its lowest bits"
+            unchecked = "assign sends the value unchecked, and the motor takes its lowest bits"
             for what, one, motor_id, baudrate, cause in (
                 (f"the id {tools.ids[-1] + 1}", motor, tools.ids[-1] + 1, home, unchecked),
                 ("the id -1", motor, -1, home, unchecked),
@@ -227,37 +229,38 @@ class _BusToolsClauses:
                     motor,
                     other.motor_id,
                     home,
-                    "nobody asks whether the id is free before it is written",
+                    "assign does not check whether the id is free before it writes the id",
                 ),
                 (
                     "an id for several motors at once",
                     shared,
                     free,
                     home,
-                    "FoundMotor.shared is not looked at",
+                    "assign does not check FoundMotor.shared",
                 ),
                 (
-                    "an id to a motor that does not answer",
+                    "an id to a motor that does not reply",
                     replace(motor, motor_id=another),
                     free,
                     home,
-                    "the write is sent without waiting for a reply, or to all motors at once",
+                    "assign sends the write without waiting for a reply, or sends it to all motors",
                 ),
             ):
                 refuses(
                     lambda args=(one, motor_id, baudrate): tools.assign(*args),  # type: ignore[misc]
                     AssignmentFailed,
                     f"assign of {what}",
-                    why="two motors of one id, or one that nobody finds again, cost the user an evening",
+                    why="the user can neither tell apart two motors with one id nor find a motor with an "
+                    "unknown id",
                     cause=cause,
                 )
                 self._require_speed(tools, speed, f"a refused assign of {what}")
             seen, wanted = _places(tools.scan(self._speeds(tools))), _places(self._motors(tools))
             require(
                 seen == wanted,
-                f"all of that was refused, and yet there are {seen} (id, bit/s) in place of {wanted}",
-                why="all or nothing: what is refused leaves the motor as it was",
-                cause="the value is looked at after it was written",
+                f"assign refused all of that, but scan finds {seen} (id, bit/s) instead of {wanted}",
+                why="a refused assign must leave the motor unchanged",
+                cause="assign checks the value after writing it",
             )
 
     def disconnection(self, unplug: Callable[[BusTools], None]) -> None:
@@ -272,9 +275,9 @@ class _BusToolsClauses:
                 refuses(
                     call,
                     DeviceDisconnected,
-                    f"after the unplugging {what}",
-                    why="the user is told that the adapter is gone, and not that there are no motors",
-                    cause="errors of the port are taken for motors that do not answer",
+                    f"after unplugging, {what}",
+                    why="the message must report the missing adapter, not missing motors",
+                    cause="the tools take errors of the port for motors that do not reply",
                 )
 
     # -- what the clauses share ---------------------------------------------------------------------------
@@ -319,9 +322,9 @@ class _BusToolsClauses:
     def _require_speed(tools: BusTools, speed: int, what: str) -> None:
         require(
             tools.port.baudrate == speed,
-            f"the port runs at {tools.port.baudrate} bit/s after {what}; before at {speed}",
-            why="whoever goes on with the port has chosen its speed",
-            cause="the former speed is put back on some ways out and not on all: use try and finally",
+            f"the port runs at {tools.port.baudrate} bit/s after {what}; it ran at {speed} before",
+            why="the caller has chosen the port's speed and continues with it",
+            cause="the method does not restore the speed on every path. Use try and finally",
         )
 
 

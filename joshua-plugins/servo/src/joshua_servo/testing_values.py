@@ -17,32 +17,32 @@ def check_description(tools: BusTools) -> None:
     require(
         isinstance(family, str) and bool(family),
         f"family is {family!r}",
-        why="the user is told which motors are looked for",
+        why="messages name the family of motors that a scan looks for",
         cause="the class does not set family",
     )
     require(
         isinstance(speeds, tuple) and bool(speeds) and all(type(s) is int and s > 0 for s in speeds),
         f"baudrates is {speeds!r}",
-        why="these line speeds are looked at, the usual one first",
-        cause="codes of the register are given in place of bit/s, or a list or nothing",
+        why="scan tries these line speeds, the usual one first",
+        cause="baudrates holds register codes instead of bit/s, is a list, or is empty",
     )
     require(
         len(set(speeds)) == len(speeds),
-        f"baudrates {speeds} holds a speed twice",
-        why="each speed is looked at once, which takes its time",
-        cause="two codes of the register mean one speed",
+        f"baudrates {speeds} lists a speed twice",
+        why="scan tries each speed once, because each takes time",
+        cause="two register codes stand for one speed",
     )
     require(
         isinstance(ids, range) and factory_id in ids,
         f"ids is {ids!r} and factory_id {factory_id!r}",
-        why="a new motor answers to the factory's id and gets one of ids",
-        cause="ids is no range, begins after the factory's id, or ends before it",
+        why="a new motor replies to factory_id and gets one of ids",
+        cause="ids is not a range, begins after factory_id, or ends before it",
     )
     require(
         isinstance(models, tuple) and bool(models) and all(isinstance(m, str) and m for m in models),
         f"expected_models is {models!r}",
-        why="a motor that the driver cannot drive is remarked upon",
-        cause="model numbers are given in place of names, or nothing",
+        why="joshua reports a motor that the driver cannot drive",
+        cause="expected_models holds numbers instead of names, or is empty",
     )
 
 
@@ -51,27 +51,27 @@ def check_motor(motor: object, tools: BusTools) -> None:
     require(
         isinstance(motor, FoundMotor),
         f"scan() yielded {type(motor).__name__}",
-        why="find-port, motors and doctor show what a FoundMotor says",
-        cause="ids are yielded in place of FoundMotor",
+        why="find-port, motors and doctor show the fields of a FoundMotor",
+        cause="scan yields ids instead of FoundMotor",
     )
     assert isinstance(motor, FoundMotor)
     require(
         motor.motor_id in tools.ids and motor.baudrate in tools.baudrates,
         f"a motor was found with id {motor.motor_id} at {motor.baudrate} bit/s",
-        why="an id that cannot be given, or a speed that cannot be set, leads nowhere",
-        cause="an echo or a broken reply is taken for a motor",
+        why="joshua can use neither an id outside ids nor a speed outside baudrates",
+        cause="scan takes an echo or a damaged reply for a motor",
     )
     require(
         not motor.shared,
         f"several motors answer to id {motor.motor_id}",
         why="this check needs a bus on which each motor has an id of its own",
-        cause="two motors have one id, or a reply that was broken once is taken for two",
+        cause="two motors have one id, or scan takes one damaged reply for two motors",
     )
     require(
         motor.model in tools.expected_models,
-        f"the motor {motor.motor_id} is a {motor.model!r}; expected are {', '.join(tools.expected_models)}",
-        why="the driver refuses models that it does not know",
-        cause="the model's number is not turned into its name, or the model is missing in expected_models",
+        f"the motor {motor.motor_id} is a {motor.model!r}; expected {' or '.join(tools.expected_models)}",
+        why="the driver refuses unknown models",
+        cause="scan does not convert the model number into a name, or expected_models lacks the model",
     )
     for what, value, (low, high) in (
         ("voltage_v", motor.voltage_v, PLAUSIBLE_V),
@@ -84,5 +84,5 @@ def check_motor(motor: object, tools: BusTools) -> None:
             value is None or low <= value <= high,
             f"{what} of motor {motor.motor_id} is {value}",
             why="joshua doctor compares it with limits in V and °C",
-            cause="the register's own unit, such as tenths of a volt, is handed out",
+            cause="scan returns the register's own unit, such as tenths of a volt",
         )

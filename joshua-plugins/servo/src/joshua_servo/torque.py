@@ -89,8 +89,8 @@ class TorqueSwitch:
             if not waiting:
                 return
         raise NoReply(
-            f"{self._bus.port}: {self._list(waiting)} does not confirm that its torque is off. "
-            "Cut the arm's supply by hand if it holds."
+            f"{self._bus.port}: {self._list(waiting)} does not confirm that its torque is off. Cut the "
+            "arm's supply by hand if it still holds."
         )
 
     def read(self) -> dict[str, bool]:

@@ -81,7 +81,7 @@ class HealthWatch:
         if reading.status:
             return self.status.describe(reading.status)
         if reading.temperature_c > limits.max_temperature_c - TEMPERATURE_MARGIN_C:
-            return f"hot: {reading.temperature_c} °C of at most {limits.max_temperature_c} °C"
+            return f"{reading.temperature_c} °C, close to its limit of {limits.max_temperature_c} °C"
         if not limits.min_voltage_v <= reading.voltage_v <= limits.max_voltage_v:
             return f"voltage {reading.voltage_v:.1f} V out of range"
         return ""

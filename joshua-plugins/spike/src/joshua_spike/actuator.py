@@ -84,10 +84,10 @@ class SpikeActuator(Actuator):
         """Find the hub, start the program unless it is running, and check the motors.
 
         Raises:
-            DeviceError: the device is open already, or one of ``joshua_spike.errors`` with its remedy.
+            DeviceError: the device is already open, or one of ``joshua_spike.errors`` with its remedy.
         """
         if self.connected:
-            raise DeviceError("SpikeActuator.connect: the device is open already")
+            raise DeviceError("SpikeActuator.connect: the device is already open")
         with self._lock:
             self._hub.open(self.context.stopping)
             try:

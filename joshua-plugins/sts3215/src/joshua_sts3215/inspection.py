@@ -62,10 +62,10 @@ def _read_setup(bus: Bus, servo_id: int, problems: list[str]) -> ServoSetup:
     if low == high == 0:  # how the servo encodes "no limits"
         high = TICKS_PER_TURN - 1
     if value(MODE) != POSITION_MODE:
-        problems.append(f"id {servo_id} works in mode {value(MODE)}, expected {POSITION_MODE} (position)")
+        problems.append(f"id {servo_id} is in mode {value(MODE)}, expected {POSITION_MODE} (position)")
     if value(STATUS_LEVEL) != 1:
         problems.append(
-            f"id {servo_id} acknowledges no writes (status level {value(STATUS_LEVEL)}), expected 1"
+            f"id {servo_id} does not acknowledge writes (status level {value(STATUS_LEVEL)}), expected 1"
         )
     health = HealthLimits(value(MAX_TEMPERATURE), value(MIN_VOLTAGE) / 10, value(MAX_VOLTAGE) / 10)
     return ServoSetup(servo_id, low, high, value(HOMING_OFFSET), health, MAX_SPEED_TICKS_S)

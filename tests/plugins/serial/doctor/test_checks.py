@@ -87,7 +87,7 @@ def test_an_adapter_behind_hubs_is_a_note(tmp_path: Path, make_host: MakeHost) -
     plug(tmp_path, "ttyACM0", "L1", place="1-2.1.3")
     hubs = only(usb.check(make_host()))
     assert hubs.level is Level.NOTE
-    assert hubs.message.startswith("2 hubs lie between the computer and this adapter (socket 1-2.1.3)")
+    assert hubs.message.startswith("2 hubs are between the computer and this adapter (socket 1-2.1.3)")
 
 
 def test_every_check_bears_a_machine_without_any_of_its_files(make_host: MakeHost) -> None:

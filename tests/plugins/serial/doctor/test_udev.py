@@ -29,7 +29,7 @@ def test_an_adapter_gets_a_name_by_its_identity(
         'ENV{ID_MM_DEVICE_IGNORE}="1"\n'
     ) in out
     assert "latency_timer" not in out
-    assert "put it into /etc/udev/rules.d/72-joshua.rules, then: sudo udevadm control --reload" in err
+    assert "save it as /etc/udev/rules.d/72-joshua.rules, then run: sudo udevadm control --reload" in err
 
 
 def test_equal_adapters_are_told_apart_by_their_socket(

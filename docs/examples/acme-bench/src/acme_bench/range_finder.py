@@ -39,7 +39,7 @@ class RangeFinder(Sensor):
     def connect(self) -> None:
         """Open the port. Raises DeviceError."""
         if self.connected:
-            raise DeviceError(f"{self._port} is open already: call disconnect first")
+            raise DeviceError(f"{self._port} is already open: call disconnect first")
         self._port.open()
         self._port.discard_input()  # measurements from before
         self._received, self._sequence = b"", 0

@@ -121,16 +121,16 @@ class _TargetClauses:
         require(
             isinstance(motors, tuple) and bool(motors) and all(isinstance(m, TargetMotor) for m in motors),
             f"motors is {motors!r}",
-            why="the table shows the joints before the device is open",
-            cause="the motors are not made from the settings as a tuple of TargetMotor",
+            why="the calibration table lists the joints before it opens the device",
+            cause="motors does not return a tuple of TargetMotor made from the settings",
         )
         for what, values in (("id", [str(m.id) for m in motors]), ("name", [m.joint_name for m in motors])):
             twice = [value for value in values if values.count(value) > 1]
             require(
                 not twice,
                 f"two motors have the {what} {twice[:1]}",
-                why="the file finds a motor by its id, and messages find a joint by its name",
-                cause="ids or names are made from something that two motors share",
+                why="the file identifies a motor by its id, and messages identify a joint by its name",
+                cause="ids or names derive from a value that two motors share",
             )
         for motor in motors:
             check_motor(motor)
@@ -145,8 +145,9 @@ class _TargetClauses:
                         call,
                         DeviceError,
                         f"{name} {when}",
-                        why="a calibration that has lost its device opens it anew when it is told so",
-                        cause=f"{name} does not look whether the device is open",
+                        why="a calibration that has lost its device reopens it only when this error says "
+                        "that it is closed",
+                        cause=f"{name} does not check whether the device is open",
                     )
                 target.connect()
                 target.disconnect()
@@ -159,9 +160,9 @@ class _TargetClauses:
                 seen.append(target.identity)
         require(
             all(isinstance(identity, str) for identity in seen) and seen[0] == seen[1],
-            f"identity is {seen[0]!r}, and {seen[1]!r} after the device was opened anew",
-            why="by its identity a run knows that the calibration is that of this very arm",
-            cause="the identity is made from a path or a number that changes with each connection",
+            f"identity is {seen[0]!r} at first and {seen[1]!r} after the device was reopened",
+            why="a run compares identities to verify that the calibration belongs to this arm",
+            cause="the identity derives from a path or a number that changes with each connection",
         )
 
     def release(self) -> None:
@@ -201,18 +202,18 @@ class _TargetClauses:
         require(
             whole and all(isinstance(value, StoredMotor) for value in kept),
             f"stored() is {kept!r}",
-            why="what the motors kept is put back where writing fails, motor by motor",
-            cause="a motor that does not answer is left out in place of raising DeviceError; "
-            "a device that keeps nothing returns None",
+            why="if a write fails, the calibration restores the stored values of each motor",
+            cause="stored() omits a motor that does not reply instead of raising DeviceError, or it "
+            "returns something other than None for a device that stores nothing",
         )
         for motor, value in zip(motors, kept, strict=True):
             require(
                 -motor.largest_offset <= value.homing_offset <= motor.largest_offset
                 and 0 <= value.range_min < motor.ticks_per_turn
                 and 0 <= value.range_max < motor.ticks_per_turn,
-                f"{motor.joint_name} keeps {value}",
-                why="the file compares offset and range in ticks with what the motor keeps",
-                cause="a sign bit or a unit of the register is not decoded",
+                f"{motor.joint_name} stores {value}",
+                why="a run compares offset and range in the file with those of the motor, in ticks",
+                cause="stored() does not decode a sign bit or a unit of the register",
             )
 
     def connect_writes_nothing(self) -> None:
@@ -225,9 +226,10 @@ class _TargetClauses:
             after = target.stored()
         require(
             before == after,
-            f"the motors kept {before}, and {after} after the device was opened anew",
-            why="until its last step a calibration leaves the old one in force, even when it is killed",
-            cause="connect clears the homing offsets, as some calibrations do",
+            f"the motors stored {before}, and {after} after the device was reopened",
+            why="until its last step a calibration must leave the old values in the motors, even if its "
+            "process is killed",
+            cause="connect clears the homing offsets",
         )
 
     def store(self) -> None:
@@ -240,9 +242,9 @@ class _TargetClauses:
                     target.store(motor.id, StoredMotor(1, 2, 3))
                 require(
                     target.stored() is None,
-                    "stored() returns values after store, and returned None before",
-                    why="None says that the file alone holds the calibration",
-                    cause="values are kept in the object in place of the device",
+                    "stored() returned None before store and returns values after it",
+                    why="None means that only the file stores the calibration",
+                    cause="the object stores the values instead of the device",
                 )
                 return
             target.release()
@@ -258,9 +260,10 @@ class _TargetClauses:
                     found = other.stored()
                 require(
                     found == tuple(expected),
-                    f"after it was opened anew the device keeps {found}; {tuple(expected)} was stored",
-                    why="a calibration holds until the next one, also without power",
-                    cause="values are kept in the object, or in memory that a restart clears",
+                    f"after reopening, the device stores {found}; expected {tuple(expected)}",
+                    why="a calibration must persist until the next one, even without power",
+                    cause="the object stores the values, or the device keeps them in memory that a restart "
+                    "clears",
                 )
 
     def refused_values(self) -> None:
@@ -276,9 +279,9 @@ class _TargetClauses:
                 refuses(
                     lambda: target.store(absent, old[0]),
                     DeviceError,
-                    "store of values of a motor that is not there",
-                    why="the caller puts the old values back when store fails, and only then",
-                    cause="the write is sent without waiting for a reply",
+                    "store of values of an absent motor",
+                    why="the caller restores the old values only if store fails",
+                    cause="store sends the write without waiting for a reply",
                 )
                 too_far = StoredMotor(motors[0].largest_offset + 1, 0, motors[0].ticks_per_turn - 1)
                 expected = list(old)
@@ -290,11 +293,11 @@ class _TargetClauses:
                 found = target.stored()
                 require(
                     found == tuple(expected),
-                    f"after an offset of {too_far.homing_offset} was stored or refused the motors keep "
+                    f"after an offset of {too_far.homing_offset} was accepted or refused, the motors store "
                     f"{found}; expected {tuple(expected)}",
-                    why="a value is kept whole, or refused and nothing changed",
-                    cause="the value is cut to the width of the register, or checked after the first "
-                    "register was written",
+                    why="store must write a value completely, or refuse it without a change",
+                    cause="store truncates the value to the width of the register, or checks it after "
+                    "writing the first register",
                 )
 
     def misfits(self) -> None:
@@ -308,14 +311,14 @@ class _TargetClauses:
         require(
             not isinstance(found, str) and all(isinstance(text, str) and text for text in found),
             f"misfits() returned {found!r}",
-            why="joshua calibrate --check shows each as a line of its own",
-            cause="one text is returned in place of a list of texts",
+            why="joshua calibrate --check prints one line for each text",
+            cause="misfits() returns one text instead of a list of texts",
         )
 
     def instances(self) -> None:
         """Two targets share nothing."""
-        why = "a robot has two arms of the same kind, calibrated one after the other"
-        cause = "state stands on the class or in the module in place of the instance"
+        why = "a robot may have two arms of the same kind"
+        cause = "state is kept on the class or in the module instead of the instance"
         with lifecycle.made(self._factory) as first, lifecycle.made(self._factory) as second:
             if lifecycle.both_open(first, second):
                 first.disconnect()
@@ -344,24 +347,24 @@ class _TargetClauses:
         require(
             asked_s < HAND_S / 2,
             f"hand({index}, {HAND_S}) returned after {asked_s:.1f} s",
-            why="the calibration reads the joint while the hand moves it",
-            cause="the motion is made in the call in place of a thread or a process",
+            why="the calibration reads the joint while the simulated hand moves it",
+            cause="the call makes the motion itself instead of a thread or a process",
         )
         way = ways[index]
         needed = motors[index].ticks_per_turn * SMALLEST_RANGE
         require(
             way >= needed,
-            f"{name} showed a way of {way} ticks while it was moved through its range",
-            why=f"less than {needed:.0f} ticks is no range, and the calibration would never be complete",
-            cause="raw_positions repeats an old reading, counts another motor, or ticks_per_turn is wrong",
+            f"the positions of {name} changed by {way} ticks while it was moved through its range",
+            why=f"a range below {needed:.0f} ticks is too small to complete a calibration",
+            cause="raw_positions repeats an old reading or reads another motor, or ticks_per_turn is wrong",
         )
         others = [other for i, other in enumerate(ways) if i != index]
         allowed = motors[index].ticks_per_turn * MOVED
         require(
             max(others, default=0) <= allowed,
             f"another joint moved by {max(others, default=0)} ticks while {name} was moved",
-            why="a calibration refuses two joints that move together",
-            cause="readings of two motors are exchanged, or the hand lets go of the others",
+            why="a calibration rejects two joints that move together",
+            cause="readings of two motors are swapped, or the simulated hand does not hold the other joints",
         )
 
 

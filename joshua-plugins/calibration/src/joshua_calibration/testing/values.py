@@ -25,28 +25,28 @@ def check_motor(motor: TargetMotor) -> None:
     require(
         bool(name) and isinstance(name, str) and 0 <= motor.id <= LARGEST_ID,
         f"a motor has the id {motor.id!r} and the joint_name {name!r}",
-        why=f"a calibration file keeps ids from 0 to {LARGEST_ID} and a name for each",
-        cause="the id is not that of the bus, or a name is left empty",
+        why=f"a calibration file stores ids from 0 to {LARGEST_ID}, each with a name",
+        cause="the id is not the motor's id on the bus, or a name is empty",
     )
     require(
         1 < motor.ticks_per_turn <= TICKS_PER_TURN,
         f"{name} has {motor.ticks_per_turn} ticks a turn",
-        why=f"a calibration file holds ranges of at most {TICKS_PER_TURN} ticks",
-        cause="a finer encoder is not scaled to 4096 ticks a turn",
+        why=f"a calibration file stores ranges of at most {TICKS_PER_TURN} ticks",
+        cause="the target does not scale a finer encoder to 4096 ticks a turn",
     )
     half = motor.ticks_per_turn // 2
     require(
         half - 1 <= motor.largest_offset <= max(LARGEST_OFFSET, half - 1),
         f"{name} has a largest_offset of {motor.largest_offset}",
-        why=f"with {motor.ticks_per_turn} ticks a turn any middle pose needs up to {half - 1}",
-        cause="largest_offset was left at its default for another number of ticks, or is that of a register "
-        "that cannot hold half a turn",
+        why=f"with {motor.ticks_per_turn} ticks a turn, a middle pose may need an offset of up to {half - 1}",
+        cause="largest_offset is still the default for another number of ticks, or the register cannot "
+        "store half a turn",
     )
     require(
         0 <= motor.typical_range_ticks <= motor.ticks_per_turn,
         f"{name} has a typical range of {motor.typical_range_ticks} ticks",
-        why="a range is refused that is far smaller than the typical one",
-        cause="degrees or radians are given in place of ticks; 0 says that it is unknown",
+        why="a calibration rejects a range far smaller than the typical one",
+        cause="the value is in degrees or radians instead of ticks. Use 0 if the typical range is unknown",
     )
 
 
@@ -57,16 +57,16 @@ def check_positions(positions: object, motors: Sequence[TargetMotor]) -> None:
         whole and all(type(value) is int for value in positions),  # type: ignore[attr-defined]
         f"raw_positions() is {positions!r} for {len(motors)} motors",
         why="each motor has one position, in whole ticks and in joint order",
-        cause="a motor that does not answer is left out in place of raising DeviceDisconnected, or an array "
-        "is handed out",
+        cause="raw_positions omits a motor that does not reply instead of raising DeviceDisconnected, or "
+        "it returns an array",
     )
     assert isinstance(positions, tuple)
     for motor, value in zip(motors, positions, strict=True):
         require(
             0 <= value < motor.ticks_per_turn,
-            f"{motor.joint_name} reads {value}, beyond 0 to {motor.ticks_per_turn - 1}",
-            why="a calibration follows the encoder over the end of its turn by itself",
-            cause="the homing offset is applied without starting again at zero, or turns are counted",
+            f"{motor.joint_name} reads {value}, allowed 0 to {motor.ticks_per_turn - 1}",
+            why="the calibration itself tracks the encoder across the end of a turn",
+            cause="raw_positions applies the homing offset without wrapping to zero, or counts turns",
         )
 
 
@@ -75,10 +75,9 @@ def check_kept(target: CalibrationTarget, expected: Sequence[StoredMotor], motor
     found = target.stored()
     require(
         found == tuple(expected),
-        f"after store of {motor.joint_name} the motors keep {found}; expected {tuple(expected)}",
-        why="a run refuses an arm whose motors keep other values than the file",
-        cause="a register is not written, holds fewer bits, has another sign, or that of another motor was "
-        "written",
+        f"after store of {motor.joint_name}, the motors store {found}; expected {tuple(expected)}",
+        why="a run refuses an arm whose motors store values other than those of the file",
+        cause="store skips a register, uses the wrong width or sign, or writes to another motor",
     )
 
 
@@ -92,8 +91,8 @@ def check_still(
         require(
             way <= motor.ticks_per_turn * STILL,
             f"{motor.joint_name} read {was} before store of {stored.joint_name} and {now} after it",
-            why="raw positions are those of the encoder, whatever offset is in force",
-            cause="the motor applies its new offset to what it reports, and it is not taken out again",
+            why="raw positions are those of the encoder and must not depend on the offset",
+            cause="the motor applies its new offset to its reading, and raw_positions does not subtract it",
         )
 
 
@@ -128,7 +127,7 @@ def _put_back(
                 target.store(motor.id, value)
             except DeviceError as error:
                 raise ViolationError(
-                    f"the old values of {motor.joint_name} could not be put back: {error}",
-                    "where writing fails the old calibration is put back",
-                    "store refuses values that the motor itself has kept",
+                    f"the old values of {motor.joint_name} could not be restored: {error}",
+                    "if a write fails, the calibration restores the old values",
+                    "store refuses values that the motor itself has stored",
                 ) from error

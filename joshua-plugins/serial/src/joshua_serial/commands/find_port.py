@@ -27,32 +27,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PATH",
         action="append",
         default=[],
-        help="look at this port only; also one that is no USB adapter",
+        help="search this port only; it need not be a USB adapter",
     )
     parser.add_argument(
         "--no-scan",
         action="store_true",
-        help="send nothing: adapters of devices that are no servos are left in peace",
+        help="send nothing to the ports, such as to devices that are not servos",
     )
     parser.add_argument(
         "--unplug",
         action="store_true",
-        help="find the adapter of one arm by pulling its plug and putting it back",
+        help="identify the adapter of one arm by unplugging it and plugging it back in",
     )
     parser.add_argument(
         "--write",
         dest="write_to",
         metavar="CONFIG",
         default="",
-        help="write the lasting identity of the adapters into a configuration",
+        help="write the persistent identity of the adapters into a configuration",
     )
     parser.add_argument(
-        "--node", metavar="NAME", default="", help="with --write: the node whose adapter it is"
+        "--node", metavar="NAME", default="", help="with --write: the node that uses the adapter"
     )
-    parser.add_argument("--show-only", action="store_true", help="with --write: only show the change")
     parser.add_argument(
-        "--format", choices=("text", "json"), default=argparse.SUPPRESS, help="form of the list"
+        "--show-only", action="store_true", help="with --write: show the change, but write nothing"
     )
+    parser.add_argument("--format", choices=("text", "json"), default=argparse.SUPPRESS, help="output format")
 
 
 def run(arguments: argparse.Namespace, device_root: str = "/") -> int:
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace, device_root: str = "/") -> int:
 
     if not arguments.write_to and (arguments.node or arguments.show_only):
         option = "--node" if arguments.node else "--show-only"
-        sys.stderr.write(f"joshua find-port: {option} does nothing without --write CONFIG: add it\n")
+        sys.stderr.write(f"joshua find-port: {option} has no effect without --write CONFIG: add it\n")
         return ExitCode.INVALID
     if arguments.unplug:
         from joshua_serial.ports.unplug import NothingHappened, find_by_unplugging

@@ -21,7 +21,7 @@ CHECKS = (permissions.check, latency_timer.check, brltty.check, modem_manager.ch
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options that choose a port, and that write udev rules."""
     parser.add_argument(
-        "--port", dest="ports", metavar="PATH", action="append", default=[], help="look at this port only"
+        "--port", dest="ports", metavar="PATH", action="append", default=[], help="check this port only"
     )
     parser.add_argument(
         "--udev",
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         const="-",
         default="",
-        help="print udev rules that give each adapter a lasting name, or write them to a file or folder",
+        help="print udev rules that give each adapter a persistent name, or write them to a file or folder",
     )
 
 
@@ -37,7 +37,7 @@ def begin(arguments: argparse.Namespace, host: Host) -> int | None:
     """Reject contradictory options; write the udev rules instead of running the checks."""
     if arguments.config and arguments.ports:
         sys.stderr.write(
-            "joshua doctor: --config looks at the devices of the file, --port at a port: leave one out\n"
+            "joshua doctor: --config checks the devices of the file, --port checks one port: leave one out\n"
         )
         return ExitCode.INVALID
     if not arguments.udev:
@@ -57,8 +57,8 @@ def check_name(spec: NodeSpec, settings: Any) -> Iterator[DoctorResult]:
             Level.NOTE,
             "devices",
             spec.full_name,
-            f"is named by its path, {settings.port}, which changes from plug to plug",
-            f"joshua find-port --write CONFIG --node {spec.name}",
+            f"names its port by path, {settings.port}, which may change when it is plugged in again",
+            f"run joshua find-port --write CONFIG --node {spec.name}",
         )
 
 

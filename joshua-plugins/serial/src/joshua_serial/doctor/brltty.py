@@ -28,7 +28,7 @@ def check(host: Host) -> Iterator[DoctorResult]:
             Level.ERROR,
             NAME,
             f"USB device {place}",
-            "is a serial adapter without a port: brltty takes it for a braille display",
+            "is a serial adapter without a port, because brltty takes it for a braille display",
             REMEDY,
         )
     for entry in list_ports(str(host.root)):
@@ -37,7 +37,7 @@ def check(host: Host) -> Iterator[DoctorResult]:
                 Level.WARNING,
                 NAME,
                 entry.path,
-                f"brltty is installed and may take adapters of the kind {entry.vid_pid} away",
+                f"brltty is installed and may claim adapters of the type {entry.vid_pid}",
                 REMEDY,
             )
 

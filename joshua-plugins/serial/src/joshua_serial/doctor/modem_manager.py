@@ -25,6 +25,6 @@ def check(host: Host) -> Iterator[DoctorResult]:
             Level.WARNING,
             NAME,
             entry.path,
-            "ModemManager runs and asks a new port for some seconds whether it is a modem",
+            "ModemManager is running and probes each new port for some seconds to find modems",
             "install the rules of joshua doctor --udev, or sudo systemctl disable --now ModemManager",
         )

@@ -13,8 +13,6 @@ def check(host: Host) -> Iterator[DoctorResult]:
     """Compare owner, group and mode of each port with the user's session."""
     ports = list_ports(str(host.root))
     if not ports:
-        yield DoctorResult(
-            Level.NOTE, "permissions", "USB serial ports", "there are none", "plug an adapter in"
-        )
+        yield DoctorResult(Level.NOTE, "permissions", "USB serial ports", "none found", "plug an adapter in")
     for entry in ports:
         yield may_open(host, entry.path)

@@ -12,10 +12,10 @@ MARK = "# Written by joshua doctor --udev"
 FILE_NAME = "72-joshua.rules"  # before 73-seat-late.rules, which acts on the tag uaccess
 
 _HEAD = f"""{MARK}; run it again when an adapter is added.
-# Each adapter gets a name below /dev/joshua, whatever its socket; whoever is logged in may open it, and so
-# may the group dialout; ModemManager leaves it alone.
+# Each adapter gets a name below /dev/joshua that does not depend on its socket. The user who is logged in
+# and the group dialout may open it. ModemManager ignores it.
 """
-_FTDI = """# FTDI adapters hand bytes over at once.
+_FTDI = """# FTDI adapters pass on bytes without delay.
 ACTION=="add|change", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{latency_timer}="1"
 """
 
@@ -46,7 +46,10 @@ def _rule(port: PortEntry, ports: Sequence[PortEntry], names: Mapping[str, str])
         match.append(f'ATTRS{{serial}}=="{_pattern(port.serial_number)}"')
     if len(alike) > 1 or not port.serial_number:
         match.append(f'KERNELS=="{port.place}"')
-        why = f"# {port.path}: has no identity of its own, so its socket {port.place} names it; keep it there"
+        why = (
+            f"# {port.path}: has no identity of its own, so its name depends on its socket, {port.place}. "
+            "Keep it there"
+        )
     else:
         why = f"# {port.path}: {port.product or 'adapter'} {port.serial_number}"
     unique = port.serial_number if len(alike) == 1 else port.place

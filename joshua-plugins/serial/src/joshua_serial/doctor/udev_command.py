@@ -26,13 +26,14 @@ def write_rules(arguments: argparse.Namespace, host: Host) -> int:
     ports = list_ports(str(host.root))
     if not ports:
         sys.stderr.write(
-            "joshua doctor: no USB serial adapter is plugged in; rules are made for those that are\n"
+            "joshua doctor: no USB serial adapter is plugged in. Plug in each adapter that needs a rule, "
+            "then try again\n"
         )
         return ExitCode.HARDWARE
     text = rules(ports, _names(arguments, host, ports))
     if arguments.udev == "-":
         sys.stdout.write(text)
-        sys.stderr.write(f"put it into /etc/udev/rules.d/{FILE_NAME}, then: {NEXT}\n")
+        sys.stderr.write(f"save it as /etc/udev/rules.d/{FILE_NAME}, then run: {NEXT}\n")
         return ExitCode.OK
     try:
         target = install(text, Path(arguments.udev))

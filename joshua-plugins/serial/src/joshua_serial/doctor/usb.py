@@ -21,6 +21,6 @@ def check(host: Host) -> Iterator[DoctorResult]:
                 Level.NOTE,
                 NAME,
                 entry.path,
-                f"{hubs} hubs lie between the computer and this adapter (socket {entry.place})",
-                "plug it nearer to the computer: each hub adds delay and may cut the power",
+                f"{hubs} hubs are between the computer and this adapter (socket {entry.place})",
+                "plug it in closer to the computer: each hub adds delay and may limit the power",
             )

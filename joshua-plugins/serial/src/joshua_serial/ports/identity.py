@@ -43,7 +43,9 @@ def adapter_of(
     """
     if chosen is not None:
         if not chosen.vid_pid:
-            raise Ambiguous(f"{node.node}: {chosen.path} is no USB adapter, so it has no identity to write")
+            raise Ambiguous(
+                f"{node.node}: {chosen.path} is not a USB adapter, so it has no identity to write"
+            )
         return chosen
     endpoint = Endpoint(node.port, node.serial_number, node.vid_pid, device_root)
     if node.serial_number or node.vid_pid:
@@ -66,8 +68,9 @@ def adapter_of(
         )
     listing = "".join(f"\n    {port}" for port in ports)
     raise Ambiguous(
-        f"{node.node}: {endpoint} is not plugged in, and it cannot be told which adapter is meant. "
-        f"Adapters here:{listing}\n  name one: --node {node.node} --port PATH"
+        f"{node.node}: {endpoint} is not plugged in, and the file does not say which of the others to use. "
+        f"Adapters here:{listing}\n"
+        f"  choose one: --node {node.node} --port PATH"
     )
 
 
@@ -99,6 +102,6 @@ def lasting_name(entry: PortEntry, ports: Sequence[PortEntry], node: NodePort) -
         return {}  # a udev rule names it by its socket, and the file already uses that name
     paths = ", ".join(port.path for port in equal)
     raise Ambiguous(
-        f"{node.node}: {len(equal)} adapters have {kind} ({paths}), so it does not tell them apart. "
-        "Give each a name by its socket: joshua doctor --udev"
+        f"{node.node}: {len(equal)} adapters have {kind} ({paths}), which does not distinguish them. Name "
+        "each by its socket: joshua doctor --udev"
     )

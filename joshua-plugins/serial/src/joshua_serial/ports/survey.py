@@ -28,12 +28,14 @@ class PortSurvey:
 
     Attributes:
         problem: why it cannot be used, with the remedy; "" if it can.
+        is_in_run: whether a node of a running system uses it.
         is_scanned: whether the port was scanned for motors.
         motors: those that reply, with the configuration block of their family.
     """
 
     entry: PortEntry
     problem: str = ""
+    is_in_run: bool = False
     is_scanned: bool = False
     motors: tuple[tuple[str, FoundMotor], ...] = ()
 
@@ -69,7 +71,8 @@ def _scan(entry: PortEntry, families: Families, device_root: str) -> PortSurvey:
             sys.stderr.write(f"{entry.path}: looking for motors\n")
         return PortSurvey(entry, is_scanned=True, motors=tuple(_motors(port, families)))
     except PortBusy as error:
-        return PortSurvey(entry, node_that_holds(holders(entry.path)) or str(error))
+        node = node_that_holds(holders(entry.path))
+        return PortSurvey(entry, node or str(error), is_in_run=bool(node))
     except DeviceError as error:
         return PortSurvey(entry, str(error))
     finally:

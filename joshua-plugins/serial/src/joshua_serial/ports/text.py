@@ -41,7 +41,7 @@ def motor_lines(found: PortSurvey, families: Families) -> list[str]:
     """Return the motors of one port, one line for each family and line speed, then their problems."""
     if not found.motors:
         names = ", ".join(tools.family for tools in families.values())
-        return [f"  no motor answers ({names} were looked for at every line speed): is the supply on?"]
+        return [f"  no motor answers (searched for {names} at every line speed). Check the supply"]
     groups: dict[tuple[str, int], list[FoundMotor]] = {}
     for block, motor in found.motors:
         groups.setdefault((block, motor.baudrate), []).append(motor)
@@ -55,7 +55,7 @@ def motor_lines(found: PortSurvey, families: Families) -> list[str]:
         ]
     if len(groups) > 1:
         lines.append(
-            "  motors of one bus need one line speed and one family: joshua motors setup gives them theirs"
+            "  motors of one bus need one line speed and one family: run joshua motors setup to set them up"
         )
     return lines
 
@@ -74,7 +74,7 @@ def remarks(motor: FoundMotor, tools: type[Any]) -> list[str]:
         return ["several motors answer: connect one alone and change its id with joshua motors setup"]
     found = [motor.status] if motor.status else []
     if motor.model not in tools.expected_models:
-        found.append(f"is a {motor.model}, which this driver does not drive")
+        found.append(f"is a {motor.model}, which this driver does not support")
     return found
 
 

@@ -69,7 +69,7 @@ def _anchor(positions: Positions, block_path: str) -> Entry:
         entry = positions.entry(f"{block_path}.{name}")
         if entry is not None:
             return entry
-    raise EditError(f"{block_path} stands in no file: add comm {{ serial {{ port: … baudrate: … }} }} first")
+    raise EditError(f"no file contains {block_path}: add comm {{ serial {{ port: … baudrate: … }} }} first")
 
 
 def _addition(anchor: Entry, fields: list[str]) -> Edit:
@@ -88,5 +88,5 @@ def _addition(anchor: Entry, fields: list[str]) -> Edit:
 def _quoted(value: str) -> str:
     escaped = value.replace("\\", "\\\\").replace('"', '\\"')
     if not escaped.isprintable():
-        raise EditError(f"{value!r} holds characters that a configuration does not take")
+        raise EditError(f"{value!r} contains characters that a configuration cannot contain")
     return f'"{escaped}"'

@@ -25,14 +25,14 @@ def find_by_unplugging(device_root: str, timeout_s: float = TIMEOUT_S) -> PortEn
     before = list_ports(device_root)
     if not before:
         raise NothingHappened("no USB serial adapter is plugged in: plug all of them in first")
-    _say(f"pull the plug of one adapter out ({len(before)} are plugged in)")
-    after = _wait(lambda ports: len(ports) < len(before), device_root, timeout_s, "no plug was pulled")
+    _say(f"unplug one adapter ({len(before)} are plugged in)")
+    after = _wait(lambda ports: len(ports) < len(before), device_root, timeout_s, "no adapter was unplugged")
     gone = [port for port in before if not any(_same(port, other) for other in after)]
     if len(gone) != 1:
-        listing = ", ".join(map(str, gone)) or "none that was known"
-        raise NothingHappened(f"{listing} went away at once: pull one plug, not that of a hub")
-    _say(f"it was {gone[0]}; put the plug in again")
-    ports = _wait(lambda ports: len(ports) > len(after), device_root, timeout_s, "no plug was put in")
+        listing = ", ".join(map(str, gone)) or "no known adapter"
+        raise NothingHappened(f"{listing} disconnected together: unplug one adapter, not a hub")
+    _say(f"it was {gone[0]}. Plug it back in")
+    ports = _wait(lambda ports: len(ports) > len(after), device_root, timeout_s, "no adapter was plugged in")
     (back,) = [port for port in ports if not any(_same(port, other) for other in after)][:1]
     return back
 
@@ -49,7 +49,7 @@ def _wait(
     time.sleep(2 * POLL_S)
     ports = list_ports(device_root)
     if not holds(ports):
-        raise NothingHappened("the plug went in and out: try again")
+        raise NothingHappened("the connection changed again: try again")
     return ports
 
 

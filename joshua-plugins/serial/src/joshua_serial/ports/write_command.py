@@ -36,7 +36,7 @@ def write(arguments: argparse.Namespace, named: Sequence[PortEntry], device_root
         sys.stderr.write(f"joshua find-port: {error}\nnothing was written\n")
         return error.code
     if not changed:
-        sys.stdout.write(f"{arguments.write_to}: names its adapters already; nothing to write\n")
+        sys.stdout.write(f"{arguments.write_to}: already names its adapters, so there is nothing to write\n")
     return ExitCode.OK
 
 
@@ -92,7 +92,7 @@ def _chosen_nodes(nodes: Sequence[NodePort], arguments: argparse.Namespace) -> S
     names = [node.node for node in nodes]
     if not nodes:
         raise Refused(
-            f"{arguments.write_to}: no node has comm {{ serial {{ … }} }}, so there is nothing to name"
+            f"{arguments.write_to}: no node has comm {{ serial {{ … }} }}, so there is nothing to write"
         )
     if arguments.node:
         nodes = [node for node in nodes if node.node == arguments.node]
@@ -105,8 +105,8 @@ def _chosen_nodes(nodes: Sequence[NodePort], arguments: argparse.Namespace) -> S
             )
     if len(arguments.ports) > 1 or (arguments.ports and len(nodes) > 1):
         raise Refused(
-            "which adapter is whose? Give one --port with one --node; "
-            f"nodes with a serial link: {', '.join(names)}"
+            "several nodes or ports match: give one --port with one --node; nodes with a serial link: "
+            f"{', '.join(names)}"
         )
     return nodes
 
@@ -132,7 +132,7 @@ def _identities(
             continue
         real = str(Path(entry.path).resolve())
         if real in owners:
-            problems.append(f"{node.node} and {owners[real]} both mean {entry}: two nodes cannot share a bus")
+            problems.append(f"{node.node} and {owners[real]} both name {entry}: two nodes cannot share a bus")
         owners[real] = node.node
         if node.port and Path(node.port).resolve() != Path(entry.path).resolve():
             fields["port"] = entry.path
@@ -174,7 +174,7 @@ def _replace_all(loaded: LoadedConfig, texts: dict[str, str], values: dict[str, 
         for name, data in originals.items():
             if Path(name).read_bytes() != data:
                 replace_file(name, data.decode())
-        raise Refused(f"the file was put back: {error}") from error
+        raise Refused(f"the file was restored: {error}") from error
 
 
 def _in_style_of(original: bytes, text: str) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import argparse
 
-SUMMARY = "list the motors of a bus, or give them ids and line speed one at a time"
+SUMMARY = "list the motors of a bus, or assign ids and line speed one motor at a time"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,25 +22,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "list every motor that answers, at any line speed"
     listing = actions.add_parser("list", help=text, description=text)
     listing.add_argument(
-        "--port", dest="ports", metavar="PATH", action="append", default=[], help="look at this port only"
+        "--port", dest="ports", metavar="PATH", action="append", default=[], help="search this port only"
     )
     listing.add_argument(
-        "--format", choices=("text", "json"), default=argparse.SUPPRESS, help="form of the list"
+        "--format", choices=("text", "json"), default=argparse.SUPPRESS, help="output format"
     )
-    text = "give motors their ids and line speed: you connect one, it is found, set, read back and verified"
+    text = (
+        "assign ids and line speed: you connect one motor at a time, and JOSHUA finds, sets and verifies it"
+    )
     setup = actions.add_parser("setup", help="give motors their ids and line speed", description=text)
     setup.add_argument("--config", metavar="PATH", default="", help="configuration whose motors are set up")
     setup.add_argument("--node", metavar="NAME", default="", help="node of the configuration")
     setup.add_argument(
-        "--port", metavar="PATH", default="", help="serial port; goes before the configuration's"
+        "--port", metavar="PATH", default="", help="serial port; overrides the configuration's"
     )
     setup.add_argument(
-        "--ids", metavar="IDS", type=parse_ids, default=(), help="ids to give, such as 1-6 or 3,4"
+        "--ids", metavar="IDS", type=parse_ids, default=(), help="ids to assign, such as 1-6 or 3,4"
     )
-    setup.add_argument("--baudrate", metavar="N", type=int, default=0, help="line speed to give, bit/s")
+    setup.add_argument("--baudrate", metavar="N", type=int, default=0, help="line speed to set, bit/s")
     setup.add_argument("--kind", metavar="KIND", default="", help="kind of the motors, such as sts3215")
     setup.add_argument(
-        "--yes", action="store_true", help="ask nothing: go on as soon as the next motor is connected"
+        "--yes", action="store_true", help="ask no questions: continue as soon as the next motor is connected"
     )
     setup.add_argument(
         "--timeout",

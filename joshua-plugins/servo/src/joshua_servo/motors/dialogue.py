@@ -49,7 +49,9 @@ class TerminalDialogue:
         sys.stdout.flush()
         if not sys.stdin.readline():
             sys.stdout.write("\n")
-            raise NoAnswer("the input has ended: run it in a terminal, or add --yes to skip the questions")
+            raise NoAnswer(
+                "standard input is closed: run the command in a terminal, or add --yes to skip the questions"
+            )
 
 
 class HandsFreeDialogue(TerminalDialogue):

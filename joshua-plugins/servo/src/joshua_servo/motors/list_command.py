@@ -37,7 +37,7 @@ def _lines(found: list[PortSurvey], families: Families) -> list[str]:
                 item.problem if item.entry.path in item.problem else f"{item.entry.path}: {item.problem}"
             )
         elif not item.motors:
-            notes.append(f"{item.entry.path}: no motor answers: is the supply on, and the cable in?")
+            notes.append(f"{item.entry.path}: no motor answers. Check the supply and the cable")
         for block, motor in item.motors:
             rows.append(
                 (

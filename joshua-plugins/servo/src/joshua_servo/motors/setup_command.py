@@ -40,8 +40,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _set_up(target: Target, port: SerialPort, dialogue: Dialogue) -> ExitCode:
     dialogue.say(
-        f"{port}: {len(target.motors)} {target.tools.family} at {target.baudrate} bit/s; "
-        "looking at what is connected"
+        f"{port}: {len(target.motors)} {target.tools.family} at {target.baudrate} bit/s; searching for "
+        "connected motors"
     )
     procedure = SetupProcedure(target.tools(port), target.motors, target.baudrate, dialogue)
     try:
@@ -64,5 +64,5 @@ def _say_how_to_go_on(procedure: SetupProcedure, target: Target, reason: str) ->
     if ids:
         lines.append(f"  continue with: joshua motors setup {target.option} --ids {ids}")
     else:
-        lines.append("  every motor has its id; check the whole chain with joshua motors list")
+        lines.append("  every motor has its id. Run joshua motors list to check the whole chain")
     sys.stderr.write("\n".join(lines) + "\n")

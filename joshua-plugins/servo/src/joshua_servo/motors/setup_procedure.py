@@ -98,7 +98,7 @@ class SetupProcedure:
     def _problem(self, found: list[FoundMotor], wanted: WantedMotor) -> str:
         """Why the connected motors cannot be given an id; "" if one can."""
         if not found:
-            return "no motor answers at any line speed (is the supply on, and the cable in?)"
+            return "no motor answers at any line speed (check the supply and the cable)"
         listing = ", ".join(f"{motor} at {motor.baudrate} bit/s" for motor in found)
         if len(found) > 1 or found[0].shared:
             return f"several motors are connected, {listing}"
@@ -114,7 +114,7 @@ class SetupProcedure:
             return ""  # a new motor; its id is assigned last
         if other not in self.done:
             self.done.append(other)
-        return f"this motor has its id already, that of {other}"
+        return f"this motor already has the id of {other}"
 
     def _assign(self, motor: FoundMotor, wanted: WantedMotor) -> bool:
         was = f"id {motor.motor_id} at {motor.baudrate} bit/s"
@@ -126,7 +126,7 @@ class SetupProcedure:
             self._dialogue.say(str(error))
             return False
         self._dialogue.say(
-            f"{wanted}: was {was}, is id {now.motor_id} at {now.baudrate} bit/s now, verified "
+            f"{wanted}: changed from {was} to id {now.motor_id} at {now.baudrate} bit/s, verified "
             f"({now.model}, firmware {now.firmware})"
         )
         return True
@@ -146,7 +146,7 @@ class SetupProcedure:
                 self._dialogue.say(f"all {len(self._wanted)} motors answer at {self._baudrate} bit/s")
                 return
             if shared:
-                request = f"{_list(shared)}: several motors answer to it; connect each motor once"
+                request = f"several motors answer to {_list(shared)}: connect each motor once"
             elif len(missing) < len(self._wanted) - 1:
                 request = f"{_list(missing)} does not answer; check its cable"
             self._dialogue.wait_for(request)

@@ -60,7 +60,7 @@ def parse_ids(text: str) -> tuple[int, ...]:
 def find_target(arguments: argparse.Namespace, families: Mapping[str, type[BusTools]]) -> Target:
     """Return the bus of the command line. Raises TargetRefused."""
     if not families:
-        raise TargetRefused(f"no installed plugin has a bus of motors: {install('joshua-sts3215')}")
+        raise TargetRefused(f"no installed plugin drives a bus of motors: {install('joshua-sts3215')}")
     return _from_file(arguments, families) if arguments.config else _from_options(arguments, families)
 
 
@@ -86,9 +86,11 @@ def _block(kind: str, families: Mapping[str, type[BusTools]]) -> str:
     if kind or len(names) > 1:
         near = difflib.get_close_matches(kind, list(names), n=1)
         found = (
-            f"there is no kind {kind!r}{f'; nearest: {near[0]}' if near else ''}" if kind else "which motors?"
+            f"there is no kind {kind!r}{f'; nearest: {near[0]}' if near else ''}"
+            if kind
+            else "--kind is missing"
         )
-        raise TargetRefused(f"{found}: --kind is one of {', '.join(names)}")
+        raise TargetRefused(f"{found}; choose one of {', '.join(names)}")
     return next(iter(families))
 
 
@@ -141,14 +143,14 @@ def _chosen(arguments: argparse.Namespace, wanted: Mapping[str, Wanted]) -> Want
         near = difflib.get_close_matches(arguments.node, list(wanted), n=1)
         hint = f"; nearest: {near[0]}" if near else ""
         raise TargetRefused(
-            f"{arguments.config} has no node {arguments.node!r} with a bus of motors{hint}. "
-            f"There are: {listing}"
+            f"{arguments.config} has no node {arguments.node!r} with a bus of motors{hint}. Nodes with one: "
+            f"{listing}"
         )
     if len(wanted) == 1:
         return next(iter(wanted.values()))
     if not wanted:
         raise TargetRefused(f"{arguments.config} has no node with a bus of motors")
-    raise TargetRefused(f"{arguments.config} has several buses, name one: --node with one of {listing}")
+    raise TargetRefused(f"{arguments.config} has several buses: add --node with one of {listing}")
 
 
 def _joint_names(path: str, node: str) -> dict[int, str]:
@@ -162,7 +164,9 @@ def _joint_names(path: str, node: str) -> dict[int, str]:
 def _baudrate(baudrate: int, tools: type[BusTools]) -> int:
     if baudrate not in tools.baudrates:
         allowed = ", ".join(map(str, tools.baudrates))
-        raise TargetRefused(f"{tools.family} have no line speed of {baudrate} bit/s: allowed {allowed}")
+        raise TargetRefused(
+            f"{tools.family} do not support a line speed of {baudrate} bit/s: allowed {allowed}"
+        )
     return baudrate
 
 
