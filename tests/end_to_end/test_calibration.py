@@ -76,14 +76,14 @@ def test_lines_from_a_pipe_and_plain_output(arm: EmulatedBus, tmp_path: Path, en
     with CalibrationRun(["--config", str(robot(tmp_path, arm.port))], env) as run:
         run.wait_for("middle of its range")
         run.press("7\n")
-        run.wait_for("leader_arm: refused: There is no such joint to repeat now.")
+        run.wait_for("leader_arm: refused: This joint cannot be repeated at this step.")
         run.wait_for("Move shoulder_pan from", again=lambda: run.press("\n"))
         run.press("\n")
         run.wait_for("refused: shoulder_pan did not move")
         run.press("q\n")
         assert run.end() == 0
     assert "\x1b" not in run.text
-    assert "not calibrated: leader_arm.\nNothing changed there. The old calibration is still" in run.text
+    assert "not calibrated: leader_arm.\nNothing changed. The old calibration is still" in run.text
     assert is_untouched(arm)
     assert not (tmp_path / "calibration").exists()
 
@@ -113,7 +113,7 @@ def test_emulated_arms_go_through_it_by_themselves(tmp_path: Path, env: dict[str
     teleop.write_text((CONFIGS / "teleop_so_arm100.pbtxt").read_text())
     done = joshua(env, "calibrate", "--config", str(preset), "--emulate", "--node", "leader_arm")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "the emulated arms go through it by themselves" in done.stdout
+    assert "the emulated arms perform all steps by themselves" in done.stdout
     assert "calibrated: leader_arm." in done.stdout
     assert not (tmp_path / "calibration").exists(), "the file beside the configuration is that of real arms"
     (file,) = (tmp_path / "state").rglob("so-arm100.pbtxt")
@@ -197,7 +197,7 @@ def test_an_arm_that_is_unplugged_meanwhile_goes_on_afterwards(
         place = run.wait_for("No answer from the arm", since=place)
         run.press("\n")
         arm.ask("fault", kind="replug")
-        run.wait_for("The arm answers again.", since=place)
+        run.wait_for("The arm responds again.", since=place)
         run.wait_for("Move shoulder_pan from", since=place, again=lambda: run.press("\n"))
         run.press("q\n")
         assert run.end() == 0
@@ -236,7 +236,7 @@ def test_nobody_to_confirm_is_refused_on_real_arms(
 ) -> None:
     result = joshua(env, "--config", str(robot(tmp_path, arm.port)))
     assert result.returncode == 2
-    assert "nobody is there to confirm: run it in a terminal, or add --open" in result.stderr
+    assert "no terminal to confirm in: run the command in a terminal, or add --open" in result.stderr
 
 
 def test_a_broken_calibration_file_is_refused_before_the_work(
@@ -330,7 +330,7 @@ def test_check_names_every_difference(arm: EmulatedBus, tmp_path: Path, env: dic
     config = str(robot(tmp_path, arm.port, mode="MODE_TEST"))
     nothing = joshua(env, "calibrate", "--check", "--config", config)
     assert nothing.returncode == 1
-    assert "the file holds no calibration of this arm" in nothing.stdout
+    assert "the file contains no calibration of this arm" in nothing.stdout
     write_file(tmp_path, arm.calibration()["motors"])
     arm.ask("set_register", id=4, name="homing_offset", value=12)
     found = joshua(env, "calibrate", "--check", "--config", config)
@@ -367,7 +367,7 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
     (tmp_path / "calibration").write_text("a file where the folder should be")
     with CalibrationRun(["--config", str(robot(tmp_path, arm.port))], env) as run:
         assert run.end() == 2
-    assert "calibration is no folder: put that right" in run.text
+    assert "calibration is not a folder. Correct that" in run.text
 
 
 def test_a_write_that_fails_is_undone_and_said(arm: EmulatedBus, tmp_path: Path, env: dict[str, str]) -> None:
@@ -376,7 +376,7 @@ def test_a_write_that_fails_is_undone_and_said(arm: EmulatedBus, tmp_path: Path,
         (tmp_path / "calibration").write_text("a file where the folder should be")
         place = len(run.text)
         run.press("\n")
-        place = run.wait_for("Nothing was written; the old calibration stands.", since=place)
+        place = run.wait_for("Nothing was written. The old calibration is still used.", since=place)
         (tmp_path / "calibration").unlink()
         run.press("\n")
         run.wait_for("leader_arm is calibrated", since=place)

@@ -76,7 +76,7 @@ def test_an_encoder_without_its_magnet_fails_and_the_others_go_on(
     rate = r"PASS  /wheels +rate of /wheels/joint_states"
     code, text = while_steady(lose_the_magnet, lambda done: re.search(rate, done[1]) is not None)
     assert code == 1, text
-    assert "the AS5600 sees no magnet" in text
+    assert "the AS5600 detects no magnet" in text
     assert re.search(r"FAIL  /steering +connection +lost 1 times", text)
     assert re.search(rate, text)
 

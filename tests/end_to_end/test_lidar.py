@@ -55,7 +55,7 @@ def test_a_good_scanner_passes(tmp_path: Path, joshua_domain_id: int) -> None:
     assert set(rows.values()) == {"PASS"}
     assert "RPLIDAR A1, firmware 1.29" in text  # found out, for the preset names no model
     assert re.search(r"/lidar: 5\.\d turns a second, 7\d\d points a turn", text)  # live figures
-    assert "from above, ahead is up" in text
+    assert "seen from above, forward is up" in text
     assert any("⠀" < letter <= "⣿" for letter in text)
     picture = re.search(r"last scan +(\S+\.png)", text)
     assert picture is not None
@@ -68,7 +68,7 @@ def test_a_scanner_that_turns_too_slowly_fails(tmp_path: Path, joshua_domain_id:
         tmp_path, joshua_domain_id, "--emulate", "--duration", "4", "--fault", "lidar:turn_hz=2.5"
     )
     assert code == 1, text
-    assert re.search(r"FAIL  /lidar  turns +2\.[3-7]\d* a second of usually 5\.5: free its rotor", text)
+    assert re.search(r"FAIL  /lidar  turns +2\.[3-7]\d* a second, usually 5\.5: free its rotor", text)
 
 
 def test_a_scanner_that_is_unplugged_comes_back_and_fails_the_test(

@@ -132,7 +132,7 @@ def test_an_imported_calibration_is_exported_again(
     assert main(["calibrate", "import-lerobot", f"leader_arm={lerobot}", "--config", config]) == 0
     said = capsys.readouterr().out
     assert "leader_arm: 6 joints written to" in said
-    assert "The servos were not touched: joshua calibrate --check" in said
+    assert "The servos are unchanged. Run joshua calibrate --check" in said
     assert ArmFile(tmp_path / "calibration" / "rig.pbtxt").arm("leader_arm") == from_lerobot(
         lerobot.read_text()
     )
@@ -202,7 +202,7 @@ def test_a_calibration_of_other_motors_is_refused(
 ):
     config = str(robot(tmp_path, "/dev/ttyACM0", mode="MODE_TEST", ids="1, 2, 3"))
     assert main(["calibrate", "import-lerobot", str(lerobot), "--config", config]) == 2
-    assert "holds motors 1, 2, 3, 4, 5, 6, and leader_arm has 1, 2, 3" in capsys.readouterr().err
+    assert "contains motors 1, 2, 3, 4, 5, 6, but leader_arm has 1, 2, 3" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -218,7 +218,7 @@ def test_what_cannot_be_exported_is_said(
     config: str, lerobot: Path, capsys: pytest.CaptureFixture[str], items: list[str], said: str
 ):
     assert main(["calibrate", "export-lerobot", "--config", config]) == 2
-    assert "the file holds no calibration: calibrate the arms first" in capsys.readouterr().err
+    assert "the file contains no calibration: calibrate the arms first" in capsys.readouterr().err
     assert main(["calibrate", "import-lerobot", str(lerobot), "--config", config]) == 0
     assert main(["calibrate", "export-lerobot", *items, "--config", config]) == 2
     assert said in capsys.readouterr().err
@@ -236,7 +236,7 @@ def test_what_check_finds_is_exported_also_from_a_file_that_calibrates(
 
 def test_an_exchange_looks_at_no_arm(config: str, capsys: pytest.CaptureFixture[str]):
     assert main(["calibrate", "import-lerobot", "x", "--check", "--config", config]) == 2
-    assert "takes neither --check nor --recover" in capsys.readouterr().err
+    assert "--check and --recover have no effect here" in capsys.readouterr().err
 
 
 def test_a_typing_error_in_the_file_is_shown(config: str, capsys: pytest.CaptureFixture[str]):

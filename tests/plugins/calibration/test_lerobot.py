@@ -59,12 +59,12 @@ def test_dynamixel_servos_add_what_others_subtract_and_turn_round_by_themselves(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{", r"arm\.json: is no JSON .*export the calibration anew"),
+        ("{", r"arm\.json: is not valid JSON .*export the calibration again"),
         ("[]", r"an object from joint name to id.*name a file below ~/\.cache/huggingface"),
         ("{}", "an object from joint name"),
         (
             '{"motor_names": ["a"], "homing_offset": [1]}',
-            r"old LeRobot format, before version 0\.2.*calibrate the arm",
+            r"format of LeRobot before version 0\.2.*calibrate the arm",
         ),
         (
             '{"a": {"id": 1}}',

@@ -56,7 +56,7 @@ def test_an_arm_that_moves_has_no_middle_pose(hand: Hand):
     hand.move({1: 400})
     hand.procedure.confirm()
     assert hand.procedure.step is Step.HOMING
-    assert message(hand) == "elbow still moves. Hold the arm still, then confirm."
+    assert message(hand) == "elbow is still moving. Hold the arm still, then confirm."
 
 
 def test_the_middle_pose_needs_readings(hand: Hand):
@@ -75,7 +75,7 @@ def test_a_joint_that_did_not_move_is_refused(hand: Hand):
 def test_swapped_ids_are_guessed(hand: Hand):
     hand.take_home()
     hand.move({2: 2548})
-    assert message(hand) == "jaw moves. Now it is the turn of base."
+    assert message(hand) == "jaw is moving. Move base instead."
     hand.procedure.confirm()
     assert "jaw moved instead: if you moved base, ids 1 and 3 are swapped." in message(hand)
 
@@ -151,7 +151,7 @@ def test_a_range_beyond_half_a_turn_is_refused():
     hand.take_home()
     hand.sweep(0, back_to=4000)
     hand.procedure.confirm()
-    assert "more than half a turn away from the middle pose" in message(hand)
+    assert "more than half a turn from the middle pose" in message(hand)
 
 
 def test_a_joint_with_stops_cannot_go_round():
@@ -159,7 +159,7 @@ def test_a_joint_with_stops_cannot_go_round():
     hand.take_home()
     hand.sweep(0)
     hand.procedure.confirm()
-    assert "without meeting a stop, more than a whole turn" in message(hand)
+    assert "without reaching a stop, more than a whole turn" in message(hand)
 
 
 def test_a_wrist_that_goes_round_has_the_whole_turn():
@@ -230,7 +230,7 @@ def test_an_arm_that_does_not_answer_confirms_nothing(hand: Hand):
     assert hand.procedure.step is Step.HOMING
     assert message(hand) == "No answer from the arm: the adapter is gone"
     hand.feed()
-    assert message(hand) == "The arm answers again."
+    assert message(hand) == "The arm responds again."
     hand.take_home()
     assert hand.procedure.step is Step.SWEEP
 
@@ -240,7 +240,7 @@ def test_an_arm_that_is_gone_is_said_at_once(hand: Hand):
     hand.procedure.lost(hand.time_s, "no such serial port", gone=True)
     assert message(hand) == "No answer from the arm: no such serial port"
     hand.feed()
-    assert message(hand) == "The arm answers again."
+    assert message(hand) == "The arm responds again."
 
 
 def test_one_lost_reading_is_no_event(hand: Hand):
@@ -272,7 +272,7 @@ def test_a_joint_seen_beyond_its_range_is_to_be_repeated(hand: Hand):
     view = hand.procedure.view()
     assert view.step is Step.SWEEP
     assert view.active == 0
-    assert view.message == "base went beyond the range that was found. Repeat it."
+    assert view.message == "base moved beyond its measured range. Repeat it."
 
 
 def test_going_back_keeps_the_ranges(hand: Hand):
@@ -295,7 +295,7 @@ def test_a_failed_write_can_be_tried_again(hand: Hand):
 
 
 def test_no_result_without_a_middle_pose_and_ranges(hand: Hand):
-    with pytest.raises(RangeRefused, match="middle pose was not taken"):
+    with pytest.raises(RangeRefused, match="middle pose has not been recorded"):
         hand.procedure.result()
     hand.take_home()
     with pytest.raises(RangeRefused, match="base did not move"):
@@ -306,12 +306,12 @@ def test_no_result_without_a_middle_pose_and_ranges(hand: Hand):
 def test_there_is_no_such_joint(hand: Hand, index: int):
     hand.take_home()
     hand.procedure.repeat(index)
-    assert "no such joint" in message(hand)
+    assert "cannot be repeated" in message(hand)
 
 
 def test_requests_out_of_turn_are_refused(hand: Hand):
     hand.procedure.back()
-    assert message(hand) == "There is nothing to go back to."
+    assert message(hand) == "There is no earlier step."
     hand.procedure.repeat(0)
     assert hand.procedure.step is Step.HOMING
 

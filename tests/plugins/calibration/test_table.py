@@ -57,7 +57,10 @@ def test_a_log_has_a_line_for_each_change_and_no_more():
     assert event_text(first, board(hand)) == ""
     before = board(hand)
     hand.procedure.repeat(0)
-    assert event_text(before, board(hand)) == "follower_arm: refused: There is no such joint to repeat now."
+    assert (
+        event_text(before, board(hand))
+        == "follower_arm: refused: This joint cannot be repeated at this step."
+    )
     hand.finish()
     assert event_text(before, board(hand)).splitlines()[1] == "  base               -90.0  ..   +90.0"
 

@@ -69,7 +69,7 @@ def test_the_rate_of_the_file_is_compared(tmp_path: Path, camera_at: Maker) -> N
     path = write_video(tmp_path, fps=25)
     camera = camera_at(path, fps=60)
     camera.connect()
-    assert camera.warnings == (f"{path} was taken at 25 Hz and is played at 60 Hz",)
+    assert camera.warnings == (f"{path} was recorded at 25 Hz and is played at 60 Hz",)
 
 
 def test_pictures_are_compressed_when_asked_for(tmp_path: Path, camera_at: Maker) -> None:

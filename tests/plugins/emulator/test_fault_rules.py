@@ -27,8 +27,8 @@ LD19, A1 = (lidar_operations.fault_rules(MODELS[name]) for name in ("ld19", "rpl
 HUB = spike_operations.fault_rules(("A", "C"))
 
 REFUSED: list[tuple[dict[str, FaultRule], str, str]] = [
-    (BUS, "unplug=3", "the start it takes at_s=3: unplug,at_s=3"),
-    (BUS, "replug=ttyACM1", "replug takes no value, found 'ttyACM1'; to happen some seconds after"),
+    (BUS, "unplug=3", "happen 3 s after the start, write unplug,at_s=3"),
+    (BUS, "replug=ttyACM1", "replug takes no value, found 'ttyACM1'; to make it happen 5 s after"),
     (BUS, "unplug=", "unplug takes no value, found ''"),
     (BUS, "silent=", "silent is ''; allowed: a servo id"),
     (BUS, "silent=2.5", "silent is 2.5; allowed: a servo id"),
@@ -77,8 +77,8 @@ def test_what_a_fault_does_not_take_is_refused(rules: dict[str, FaultRule], text
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("unplug,op=quit", "fault 'unplug,op=quit': 'op' is no setting"),
-        ("silent,value=3", "'value' is no setting; write the fault as KIND=VALUE,at_s=5"),
+        ("unplug,op=quit", "fault 'unplug,op=quit': 'op' is not a setting"),
+        ("silent,value=3", "'value' is not a setting; write the fault as KIND=VALUE,at_s=5"),
         ("unplug,at_s=1,at_s=5", "at_s is set twice; leave one of them out"),
         ("unplug,at_s=", "'at_s=' needs a value, as in at_s=5"),
     ],

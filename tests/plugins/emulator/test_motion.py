@@ -32,7 +32,7 @@ def test_a_recording_is_interpolated(tmp_path: Path) -> None:
     [
         ("joint_1\n1\n", "the header must begin with time_s"),
         ("time_s,joint_1\n", "a line of numbers must follow"),
-        ("time_s,joint_1\n0,x\n", "no table of numbers"),
+        ("time_s,joint_1\n0,x\n", "not a table of numbers"),
         ("time_s,joint_1\n0,1\n0,2\n", "must rise from line to line"),
         ("time_s,joint_1\n0\n", "every line needs 2 numbers"),
         ("time_s,wrist\n0,1\n", "no joint is called 'wrist'; allowed: a, joint_1"),

@@ -93,7 +93,7 @@ def test_what_has_become_impossible_is_logged(devices: dict[str, EmulatorProcess
 def test_other_files_are_left_alone(tmp_path: Path) -> None:
     mine = tmp_path / "letters.txt"
     mine.write_text("mine")
-    message = "letters.txt is there already and is no socket; name another path"
+    message = "letters.txt already exists and is not a socket; name another path"
     with pytest.raises(EmulatorError, match=message):
         EmulatedGamepad(path=mine).start()
     with pytest.raises(EmulatorError, match=message):

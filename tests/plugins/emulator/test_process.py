@@ -100,7 +100,7 @@ def test_wrong_requests_are_answered_with_a_reason(
 def test_a_wrong_start_is_reported(tmp_path: Path) -> None:
     (tmp_path / "eeprom.json").write_text("no json")
     with pytest.raises(
-        EmulatorError, match=r"did not start: joshua-emulator: .*eeprom\.json: is no EEPROM file"
+        EmulatorError, match=r"did not start: joshua-emulator: .*eeprom\.json: is not an EEPROM file"
     ):
         EmulatedBus(eeprom=tmp_path / "eeprom.json").start()
 

@@ -141,9 +141,7 @@ def test_a_place_that_takes_no_memory_is_named(tmp_path: Path) -> None:
     device = EmulatedDevice(
         "front", "PERCEPTION_LIDAR", config_pb2.LidarConfig(), tmp_path / "file" / "front"
     )
-    with pytest.raises(
-        EmulationError, match="front, where the emulated device keeps what it remembers, cannot"
-    ):
+    with pytest.raises(EmulationError, match="front, which keeps the memory of the emulated device, cannot"):
         LidarEmulator(device).start()
 
 

@@ -116,11 +116,11 @@ def test_counts_are_no_angles(emulator_of: Start, encoder_at: Make) -> None:
 def test_no_magnet(emulator_of: Start, encoder_at: Make) -> None:
     emulator = emulator_of("as5600", fault=["no_magnet"])
     encoder = encoder_at(emulator.port, "as5600")
-    assert "the AS5600 sees no magnet: bring the magnet to 0.5 to 3 mm" in refusal(encoder)
+    assert "the AS5600 detects no magnet: place the magnet 0.5 to 3 mm" in refusal(encoder)
     emulator.ask("clear_faults")
     encoder.connect()
     emulator.fault("no_magnet")
-    assert "the AS5600 sees no magnet" in loss(encoder)
+    assert "the AS5600 detects no magnet" in loss(encoder)
 
 
 def test_an_encoder_that_falls_silent(emulator_of: Start, encoder_at: Make) -> None:

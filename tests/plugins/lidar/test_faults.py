@@ -136,7 +136,7 @@ def test_a_run_that_ends_is_not_kept_waiting(
 def test_something_else_at_the_port(emulator_of: Start, lidar_at: Make) -> None:
     emulator = emulator_of("ld19", fault=["rate=57600"])
     text = refusal(lidar_at(emulator.port, "", 230_400))
-    assert "sends data, but not that of a known laser scanner at any line speed" in text
+    assert "sends data, but no known laser scanner sends such data at any line speed" in text
 
 
 def test_a_motor_that_stands_still_from_the_start(
@@ -145,7 +145,7 @@ def test_a_motor_that_stands_still_from_the_start(
     monkeypatch.setattr(lidar_module, "FIRST_SCAN_S", 2.0)
     emulator = emulator_of("rplidar_a1", fault=["stall"])
     text = refusal(lidar_at(emulator.port, "rplidar_a1"))
-    assert "the RPLIDAR A1 measures but does not turn: free its rotor" in text
+    assert "the RPLIDAR A1 measures, but it does not turn: free its rotor" in text
     eventually(lambda: not emulator.state()["motor"], "the stop of the motor")
 
 
@@ -156,7 +156,7 @@ def test_a_motor_that_stalls(emulator_of: Start, lidar_at: Make, model: str) -> 
     lidar.connect()
     emulator.fault("stall")
     text = loss(lidar)
-    assert "measures but does not turn: free its rotor and its belt, and check its power" in text
+    assert "measures, but it does not turn: free its rotor and its belt, and check its power" in text
 
 
 def test_a_scanner_that_falls_silent(emulator_of: Start, lidar_at: Make) -> None:
@@ -188,7 +188,7 @@ def test_a_line_too_noisy_to_trust(emulator_of: Start, lidar_at: Make) -> None:
     lidar.connect()
     emulator.fault("corrupt", 0.02)
     text = loss(lidar)
-    assert re.search(r"no valid packet of the LD19 for 2\.5 s \(\d+ damaged places\)", text)
+    assert re.search(r"no valid packet of the LD19 for 2\.5 s \(\d+ damaged sections\)", text)
 
 
 def test_unplug_and_replug(emulator_of: Start, lidar_at: Make) -> None:

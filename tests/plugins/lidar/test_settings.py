@@ -49,7 +49,7 @@ def test_a_window_of_more_than_a_turn() -> None:
 
 def test_a_window_and_a_range_without_width() -> None:
     assert "the scan has no width" in problem(angle_min=1.0, angle_max=1.0)[1]
-    assert "nothing can be measured" in problem(range_min=3.0, range_max=3.0)[1]
+    assert "the scanner can measure nothing" in problem(range_min=3.0, range_max=3.0)[1]
 
 
 def test_a_scan_mode_where_there_is_none() -> None:

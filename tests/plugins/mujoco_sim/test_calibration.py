@@ -241,7 +241,7 @@ def test_calibrating_with_sim_and_then_teleoperating_by_it(tmp_path: Path) -> No
     calibrate = str(robot(tmp_path, "calibrate_so_arm100"))
     done = run(tmp_path, "--config", calibrate, "--sim")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "the simulated arms go through it by themselves" in done.stdout
+    assert "the simulated arms perform all steps by themselves" in done.stdout
     assert "calibrated: leader_arm, follower_arm" in done.stdout
     assert (tmp_path / "calibration" / "so-arm100.pbtxt").read_text() == real, "that of the real arms"
     (file,) = (tmp_path / "state").rglob("so-arm100.pbtxt")

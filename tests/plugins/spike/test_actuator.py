@@ -124,7 +124,7 @@ def test_a_caller_that_hangs_stops_the_motors_though_the_link_stands(
     actuator.enable()
     here = actuator.write(actuator.read().position_rad)
     wait_until(lambda: powered(hub) == [False, False])
-    with pytest.raises(SafetyTripped, match=r"the hub stopped the motors by itself.*move closer"):
+    with pytest.raises(SafetyTripped, match=r"the hub stopped the motors, because.*move closer"):
         read_on(actuator)  # the first state may be an older one
     actuator.read()  # it goes on to say where the joints are
     with pytest.raises(SafetyTripped):

@@ -156,7 +156,7 @@ def compiled(source: str) -> HubProgram:
     ("source", "what"),
     [
         ("raise ValueError('not on this firmware')", "ValueError: not on this firmware"),
-        ("print('hello')\nwhile True:\n    pass", "does not become ready; its output:\n  hello"),
+        ("print('hello')\nwhile True:\n    pass", "does not become ready. Its output:\n  hello"),
     ],
 )
 def test_a_program_that_does_not_get_ready_shows_what_it_said(
@@ -176,7 +176,7 @@ def test_a_program_that_is_too_large_is_not_uploaded(
     program = HubProgram("0badc0de", bytes(300_000))
     monkeypatch.setattr("joshua_spike.client.load_program", lambda: program)
     text = refusal(make_actuator(), ProgramFailed)
-    assert "has room for programs of 258048 bytes; ours has 300000" in text
+    assert "accepts programs of at most 258048 bytes, and the program of JOSHUA has 300000" in text
     assert hub.log("upload") == []
 
 
@@ -184,7 +184,7 @@ def test_the_button_of_the_hub(hub: EmulatedHub, make_actuator: MakeActuator) ->
     actuator = make_actuator()
     actuator.connect()
     hub.fault("button")
-    with pytest.raises(ProgramFailed, match="pressed the hub's button"):
+    with pytest.raises(ProgramFailed, match="hub's button may have been pressed"):
         read_on(actuator)
     actuator.disconnect()
     actuator.connect()  # starts it again
@@ -207,7 +207,7 @@ def test_an_emulated_adapter_that_does_not_run(make_actuator: MakeActuator) -> N
         port = server.getsockname()[1]
     text = refusal(make_actuator(adapter=f"tcp-client:127.0.0.1:{port}"), AdapterUnusable)
     assert f"adapter tcp-client:127.0.0.1:{port}: cannot be opened" in text
-    assert "leave adapter out for the system's own" in text
+    assert "omit adapter to use the system's own" in text
 
 
 def test_an_adapter_that_does_not_answer(

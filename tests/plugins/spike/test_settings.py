@@ -36,7 +36,7 @@ def test_another_adapter_is_refused(adapter: str) -> None:
     assert text.startswith("comm.ble.adapter: ")
     assert adapter in text
     assert "[hci0, tcp-client:127.0.0.1:4711, " in text
-    assert "leave adapter out" in text
+    assert "omit adapter" in text
 
 
 def test_another_service_is_refused() -> None:

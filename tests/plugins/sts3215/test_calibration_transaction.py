@@ -118,7 +118,9 @@ def test_a_cancelled_write_is_undone(rig: Rig, motor: int):
     asked = iter(range(100))
     with pytest.raises(NotWritten) as refused:
         write(rig.target, NODE, new_calibration(), rig.file, rig.journal, lambda: next(asked) == motor)
-    assert str(refused.value) == ("interrupted\nThe old calibration stands, in the servos and in the file.")
+    assert str(refused.value) == (
+        "interrupted\nThe old calibration is still used, in the servos and in the file."
+    )
     assert refused.value.restored
     assert rig.holds(rig.old)
 
@@ -136,7 +138,7 @@ def test_an_arm_that_is_unplugged_and_comes_back_is_put_back(
             rig.emulator.ask("fault", kind="unplug", replug_after_s=0.8)
         return False
 
-    with pytest.raises(NotWritten, match="The old calibration stands, in the servos and in the file"):
+    with pytest.raises(NotWritten, match="The old calibration is still used, in the servos and in the file"):
         write(rig.target, NODE, new_calibration(), rig.file, rig.journal, unplug)
     assert rig.holds(rig.old)
 
@@ -170,7 +172,7 @@ def test_a_power_cut_of_the_servos_is_undone(rig: Rig, asked_times: int):
             rig.emulator.fault("silent", 5)
         return False
 
-    with pytest.raises(NotWritten, match=r"could not be put back yet"):
+    with pytest.raises(NotWritten, match=r"could not be restored yet"):
         write(rig.target, NODE, new_calibration(), rig.file, rig.journal, cut)
     rig.emulator.ask("clear_faults")
     rig.target.connect()
@@ -197,7 +199,7 @@ def test_a_file_that_cannot_be_renamed_undoes_the_servos(rig: Rig, monkeypatch: 
 
 def test_a_folder_that_is_full_stops_it_before_the_servos(rig: Rig):
     rig.path.write_text("calibration { broken")
-    with pytest.raises(NotWritten, match="Nothing was written; the old calibration stands"):
+    with pytest.raises(NotWritten, match=r"Nothing was written\. The old calibration is still used"):
         write(rig.target, NODE, new_calibration(), rig.file, rig.journal)
     assert not [e for e in rig.emulator.log("eeprom") if e]
 

@@ -83,4 +83,4 @@ def test_a_path_that_cannot_be_made(
 ) -> None:
     path = tmp_path / "none" / "pad.sock"
     assert main(["share-gamepad", str(path), "--device", pad.device]) == 4
-    assert "cannot be made: no such file or directory; name another path" in capsys.readouterr().err
+    assert "cannot be created: no such file or directory; name another path" in capsys.readouterr().err

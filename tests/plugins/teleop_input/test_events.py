@@ -69,7 +69,7 @@ def test_garbage_is_no_gamepad(data: bytes) -> None:
 def test_impossible_facts_are_refused(found: str, replaced: str) -> None:
     line = header_line(DEVICE).decode().replace(found, replaced)
     assert replaced in line
-    with pytest.raises(InputDeviceError, match="joshua share-gamepad is the program for the other machine"):
+    with pytest.raises(InputDeviceError, match="run joshua share-gamepad on the other machine"):
         parse_header(line.encode(), "/tmp/x.sock")
 
 

@@ -194,7 +194,7 @@ def test_a_reader_that_hangs_stops_everything(
     hear(context)
     context.tick("commands")
     assert not node.drive.gate.active
-    assert "the device is not being read" in caplog.text
+    assert "the node is not reading the device" in caplog.text
     release.set()
 
 

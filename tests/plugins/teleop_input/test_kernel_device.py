@@ -127,7 +127,7 @@ def test_the_list_of_those_found_is_in_the_message(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(discovery, "find_devices", lambda folder: found)
     assert find_by_name("", tmp_path) == "/dev/input/event5"
     assert find_by_name("xbox", tmp_path) == "/dev/input/event7"
-    with pytest.raises(InputDeviceError, match=r"contains 'Xbax' is connected; there is .*Xbox 360 pad"):
+    with pytest.raises(InputDeviceError, match=r"contains 'Xbax' is connected; connected are .*Xbox 360 pad"):
         find_by_name("Xbax", tmp_path)
 
 
@@ -152,6 +152,6 @@ def test_devices_that_nobody_may_look_at(monkeypatch: pytest.MonkeyPatch, tmp_pa
     refuse(monkeypatch, str(path), errno.EACCES)
     assert "may not be read" in find_devices(tmp_path)[0].problem
     with pytest.raises(
-        InputDeviceError, match=r"1 input devices such as .*event0 may not be read .*group input"
+        InputDeviceError, match=r"this user may not read 1 input devices such as .*event0: .*group input"
     ):
         find_by_name("Xbox", tmp_path)

@@ -48,7 +48,7 @@ state(pad, lambda item: not item.pressed("a"))
 try:
     SdlPad(gamepad_settings(STICK))
 except InputDeviceError as error:
-    assert "one gamepad in a process" in str(error)
+    assert "one gamepad in each process" in str(error)
 sdl.SDL_JoystickDetachVirtual(index)
 try:
     state(pad, lambda item: False)
@@ -99,8 +99,8 @@ def test_it_follows_sticks_and_buttons_until_it_is_unplugged() -> None:
 
 def test_what_cannot_be_opened_is_explained() -> None:
     out = run(NAMES)
-    assert "refused: no gamepad whose name contains 'Xbax' is connected; there is " in out
-    assert "refused: mapping names axes and buttons of the Linux kernel, and " in out
+    assert "refused: no gamepad whose name contains 'Xbax' is connected; connected are " in out
+    assert "refused: mapping names axes and buttons of the Linux kernel, but SDL reads " in out
     assert "refused: no gamepad is connected: plug it in or switch it on" in out
 
 

@@ -46,8 +46,10 @@ class ArmFile:
         """Check that the file can be written, before the user does the work. Raises FileRefused."""
         folder = next(path for path in self.path.absolute().parents if path.exists())
         if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
-            why = "may not be written by this user" if folder.is_dir() else "is no folder"
-            raise FileRefused(f"{self.path}: the calibration goes there, and {folder} {why}: put that right")
+            why = "is not writable by this user" if folder.is_dir() else "is not a folder"
+            raise FileRefused(
+                f"{self.path}: the calibration cannot be written there, because {folder} {why}. Correct that"
+            )
 
     def sweep(self) -> None:
         """Remove temporary files of killed runs. Raises FileRefused."""
@@ -75,7 +77,7 @@ class ArmFile:
                     os.fchmod(handle, mode)
                     os.fsync(handle)
                 if _arm(Path(name), node_name, self.path) != calibration:
-                    raise FileRefused(f"{self.path}: the new entry would not be read back as it was written")
+                    raise FileRefused(f"{self.path}: the new entry would not read back as written")
             except BaseException:
                 prepared.discard()
                 raise
@@ -159,7 +161,7 @@ def _take(target: Path) -> int:
             if time.monotonic() > deadline_s:
                 os.close(lock)
                 raise FileRefused(
-                    f"{target}: another program is writing into its folder; wait until that is done"
+                    f"{target}: another program is writing into its folder. Wait until it has finished"
                 ) from None
             time.sleep(0.02)
         else:

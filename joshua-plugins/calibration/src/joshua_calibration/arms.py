@@ -144,7 +144,7 @@ def _chosen(arms: list[Arm], left_out: list[str], only: Sequence[str]) -> list[A
             ExitCode.INVALID,
         )
     if left_out:
-        sys.stdout.write(f"not started, for nothing is to be calibrated there: {', '.join(left_out)}\n")
+        sys.stdout.write(f"not started, because they need no calibration: {', '.join(left_out)}\n")
     return [arm for arm in arms if not only or arm.node_name in only]
 
 

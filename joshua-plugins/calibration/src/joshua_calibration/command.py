@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sim", action="store_true", help="calibrate simulated arms, which are moved by a simulated hand"
     )
-    parser.add_argument("--force", action="store_true", help="replace files that export-lerobot finds there")
+    parser.add_argument("--force", action="store_true", help="with export-lerobot: replace existing files")
     add_fault_option(parser)
 
 
@@ -70,7 +70,10 @@ def run(arguments: argparse.Namespace) -> int:
         from joshua_calibration import exchange
 
         if arguments.check or arguments.recover:
-            sys.stderr.write(f"joshua calibrate {arguments.action}: takes neither --check nor --recover\n")
+            sys.stderr.write(
+                f"joshua calibrate {arguments.action}: --check and --recover have no effect "
+                "here: leave them out\n"
+            )
             return ExitCode.INVALID
         return (
             exchange.import_files(arguments) if arguments.action == ACTIONS[0] else exchange.export(arguments)

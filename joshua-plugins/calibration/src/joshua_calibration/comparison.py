@@ -40,7 +40,7 @@ def compare(
     note = ["a calibration was interrupted while it was written"] if interrupted else []
     recover = "Run the command with --recover instead of --check"
     if calibration is None:
-        problems = [*note, "the file holds no calibration of this arm"]
+        problems = [*note, "the file contains no calibration of this arm"]
         remedy = recover if interrupted else "Calibrate it, or import one"
         return Comparison(node_name, identity, "", (), tuple(problems), remedy)
     problems = note

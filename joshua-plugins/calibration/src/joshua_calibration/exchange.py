@@ -116,15 +116,15 @@ def _import(checked: Checked, arguments: argparse.Namespace) -> None:
         sys.stdout.write(f"{node}: {len(calibration.motors)} joints written to {path}\n")
     source = shlex.quote(str(checked.loaded.path))
     sys.stdout.write(
-        f"The servos were not touched: joshua calibrate --check --config {source} "
-        "compares them with the file.\n"
+        f"The servos are unchanged. Run joshua calibrate --check --config {source} to compare them with the "
+        "file.\n"
     )
 
 
 def _export(checked: Checked, arguments: argparse.Namespace) -> None:
     known = _known(checked, arguments)
     if not known:
-        raise _Refused("the file holds no calibration: calibrate the arms first")
+        raise _Refused("the file contains no calibration: calibrate the arms first")
     items = arguments.items or list(known)
     pairs = [(node, path) for node, _, path in (item.partition("=") for item in items)]
     for node, path in pairs:
@@ -198,22 +198,23 @@ def _require_ids(node: str, ids: list[int], calibration: ArmCalibration, source:
     found = sorted(motor.id for motor in calibration.motors)
     if ids and found != sorted(ids):
         raise _Refused(
-            f"{source}: holds motors {_list(found)}, and {node} has {_list(sorted(ids))}: "
-            "it is of another arm"
+            f"{source}: contains motors {_list(found)}, but {node} has {_list(sorted(ids))}: it belongs to "
+            "another arm"
         )
 
 
 def _read(path: Path) -> str:
     try:
         if path.stat().st_size > MAX_BYTES:
-            raise _Refused(f"{path}: is larger than a calibration can be; name a file of LeRobot")
+            raise _Refused(f"{path}: is too large for a calibration; name a calibration file of LeRobot")
         return path.read_text(encoding="utf-8")
     except OSError as error:
         raise _Refused(
-            f"{path}: cannot be read ({error.strerror}); joshua calibrate import-lerobot lists what there is"
+            f"{path}: cannot be read ({error.strerror}); joshua calibrate import-lerobot lists the files "
+            "that exist"
         ) from error
     except UnicodeDecodeError as error:
-        raise _Refused(f"{path}: is no text; name a file of LeRobot") from error
+        raise _Refused(f"{path}: is not a text file; name a calibration file of LeRobot") from error
 
 
 def _list(items: Iterable[object]) -> str:

@@ -61,8 +61,8 @@ class Journal:
             return None
         except (OSError, ValidationError) as error:
             raise JournalRefused(
-                f"{self.path}: the note of an interrupted calibration cannot be read. Remove it, "
-                "then calibrate the arm again"
+                f"{self.path}: the record of an interrupted calibration cannot be read. Remove it, then "
+                "calibrate the arm again"
             ) from error
 
     def write(self, record: Record) -> None:

@@ -34,11 +34,13 @@ def from_lerobot(text: str, *, source: str = "the file", servo_adds_offset: bool
     try:
         content = json.loads(text)
     except ValueError as error:
-        raise CalibrationError(f"{source}: is no JSON ({error}); export the calibration anew") from error
+        raise CalibrationError(
+            f"{source}: is not valid JSON ({error}); export the calibration again"
+        ) from error
     if isinstance(content, dict) and "motor_names" in content:
         raise CalibrationError(
-            f"{source}: is of the old LeRobot format, before version 0.2, whose offsets differ; "
-            "calibrate the arm anew, with joshua or with a newer LeRobot"
+            f"{source}: has the format of LeRobot before version 0.2, whose offsets differ; calibrate the "
+            "arm again with joshua or a newer LeRobot"
         )
     if not isinstance(content, dict) or not content or not all(isinstance(v, dict) for v in content.values()):
         raise CalibrationError(

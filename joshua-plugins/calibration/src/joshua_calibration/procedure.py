@@ -80,7 +80,7 @@ class Procedure:
             else:
                 track.resume(value, self._homes[index][0] if self._homes else None)
         if self._lost:
-            self._say("The arm answers again.")
+            self._say("The arm responds again.")
         self._time_s, self._lost = time_s, ""
         self._remember(time_s, continuous)
         if self.step is Step.SWEEP:
@@ -113,7 +113,7 @@ class Procedure:
     def repeat(self, index: int) -> None:
         """Discard the range of one joint and measure it again."""
         if self.step not in (Step.SWEEP, Step.REVIEW) or not 0 <= index < len(self.motors):
-            self._refuse("There is no such joint to repeat now.")
+            self._refuse("This joint cannot be repeated at this step.")
             return
         self._say("")
         self._start(index)
@@ -121,7 +121,7 @@ class Procedure:
     def back(self) -> None:
         """Go back to the middle pose; measured ranges are kept."""
         if self.step not in (Step.SWEEP, Step.REVIEW):
-            self._refuse("There is nothing to go back to.")
+            self._refuse("There is no earlier step.")
             return
         self._say("")
         self.step = Step.HOMING
@@ -139,7 +139,7 @@ class Procedure:
     def result(self, identity: str = "", calibrated_at: str = "") -> ArmCalibration:
         """Return the calibration. Raises RangeRefused if a joint has no range yet."""
         if self._homes is None:
-            raise RangeRefused("the middle pose was not taken yet")
+            raise RangeRefused("the middle pose has not been recorded yet")
         motors = [
             motor_calibration(motor, name, inverted, sweep, home, home_raw)
             for motor, name, inverted, sweep, (home, home_raw) in zip(
@@ -172,7 +172,7 @@ class Procedure:
             raise ValueError(f"{len(raw)} positions for {len(self.motors)} motors")
         for motor, value in zip(self.motors, raw, strict=True):
             if not 0 <= value < motor.ticks_per_turn:
-                raise ValueError(f"motor {motor.id} reads {value}, beyond 0 to {motor.ticks_per_turn - 1}")
+                raise ValueError(f"motor {motor.id} reads {value}, outside 0 to {motor.ticks_per_turn - 1}")
 
     def _remember(self, time_s: float, continuous: bool) -> None:
         if not continuous:
@@ -203,7 +203,7 @@ class Procedure:
                 return
             self._strayed = other
             self._baselines[other] = track.position
-            self._refuse(f"{self.names[other]} moves. Now it is the turn of {self.names[index]}.")
+            self._refuse(f"{self.names[other]} is moving. Move {self.names[index]} instead.")
 
     def _restart_after(self, other: int, way: int) -> None:
         index = self._active
@@ -223,10 +223,10 @@ class Procedure:
             if sweep.low - margin <= position <= sweep.high + margin:
                 continue
             self._done[index] = False
-            self._notes[index] = "seen beyond its range: repeat it"
+            self._notes[index] = "moved beyond its range: repeat it"
             if self.step is Step.REVIEW:
                 self._start(index)
-            self._refuse(f"{self.names[index]} went beyond the range that was found. Repeat it.")
+            self._refuse(f"{self.names[index]} moved beyond its measured range. Repeat it.")
 
     # -- steps ----------------------------------------------------------------------------------------------
 
@@ -236,7 +236,7 @@ class Procedure:
             return
         for index, column in enumerate(zip(*(row for _, row in self._recent), strict=True)):
             if max(column) - min(column) > self._ticks(index, STEADY):
-                self._refuse(f"{self.names[index]} still moves. Hold the arm still, then confirm.")
+                self._refuse(f"{self.names[index]} is still moving. Hold the arm still, then confirm.")
                 return
         self._homes = [(track.position, track.raw or 0) for track in self._tracks]
         wrong = self._off_middle()

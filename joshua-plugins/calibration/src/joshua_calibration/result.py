@@ -60,7 +60,7 @@ def require_range(motor: TargetMotor, name: str, sweep: Sweep, home: int) -> Non
     degrees = 360 / motor.ticks_per_turn
     if sweep.too_far:
         raise RangeRefused(
-            f"{name} went {sweep.span * degrees:.0f}° without meeting a stop, more than a whole turn: a "
+            f"{name} turned {sweep.span * degrees:.0f}° without reaching a stop, more than a whole turn. A "
             "screw of its horn is loose, or readings were lost. Check the horn, then repeat this joint"
         )
     if not sweep.moved:
@@ -78,7 +78,7 @@ def require_range(motor: TargetMotor, name: str, sweep: Sweep, home: int) -> Non
         )
     if sweep.coverage < 1.0:
         raise RangeRefused(
-            f"{name}: {1 - sweep.coverage:.0%} of its range was not seen, because readings were lost. "
+            f"{name}: {1 - sweep.coverage:.0%} of its range was not measured, because readings were lost. "
             "Move it through its range once more"
         )
 
@@ -91,13 +91,13 @@ def require_middle(motor: TargetMotor, name: str, sweep: Sweep, home: int) -> No
     below, above = home - sweep.low, sweep.high - home
     if below > half or above >= half:
         raise RangeRefused(
-            f"{name}: its range reaches more than half a turn away from the middle pose, so the middle pose "
-            "was not in the middle. Go back, put this joint in the middle of its range, and take it again"
+            f"{name}: its range extends more than half a turn from the middle pose, so that pose was not in "
+            "the middle. Go back, put this joint in the middle of its range, and record the pose again"
         )
     if sweep.complete and min(below, above) < MIDDLE_MARGIN * sweep.span:
         share = below / sweep.span
         raise RangeRefused(
-            f"{name}: the middle pose was at {share:.0%} of its range, allowed are {MIDDLE_MARGIN:.0%} to "
-            f"{1 - MIDDLE_MARGIN:.0%}. Go back, put this joint in the middle of its range, and take the pose "
-            "again"
+            f"{name}: the middle pose was at {share:.0%} of its range, allowed {MIDDLE_MARGIN:.0%} to "
+            f"{1 - MIDDLE_MARGIN:.0%}. Go back, put this joint in the middle of its range, and record the "
+            "pose again"
         )

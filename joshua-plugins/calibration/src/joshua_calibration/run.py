@@ -143,12 +143,12 @@ def _is_scripted(front_ends: Sequence[FrontEnd], arms: Sequence[Arm], kind: str)
             sys.stdout.flush()
         return False
     if all(arm.guide is not None for arm in arms):
-        sys.stdout.write(f"nobody is there to confirm: the {kind} arms go through it by themselves\n")
+        sys.stdout.write(f"no terminal to confirm in: the {kind} arms perform all steps by themselves\n")
         return True
     if len(front_ends) > 1:
         return False
     raise Refused(
-        "nobody is there to confirm: run it in a terminal, or add --open for a page in the browser",
+        "no terminal to confirm in: run the command in a terminal, or add --open to use the browser",
         ExitCode.INVALID,
     )
 
@@ -185,12 +185,12 @@ def _conclude(session: Session, arms: Sequence[Arm], front_ends: Sequence[FrontE
     lines = [reason] if code else []
     if done:
         lines.append(
-            f"calibrated: {', '.join(done)}. joshua calibrate --check compares file and servos any time."
+            f"calibrated: {', '.join(done)}. Run joshua calibrate --check to compare file and servos."
         )
     if rest:
         lines.append(f"{reason if not code else 'ended'}; not calibrated: {', '.join(rest)}.")
         if not code:
-            lines.append("Nothing changed there. The old calibration is still used.")
+            lines.append("Nothing changed. The old calibration is still used.")
     text = "\n".join(lines)
     board = session.board(text)
     for front_end in reversed(front_ends):

@@ -199,7 +199,8 @@ class Session:
             seconds /= SCRIPT_SPEED
         if not arm.guide(view.active, seconds):
             raise Unfinished(
-                f"{arm.node_name}: its emulator or simulation moves no joints, and nothing else can"
+                f"{arm.node_name}: its emulator or simulation cannot move the joints, and a person cannot "
+                "either"
             )
         return seconds
 

@@ -66,7 +66,7 @@ def write(
         prepared = file.prepare(node_name, calibration)
     except (DeviceError, FileRefused) as error:
         raise NotWritten(
-            f"{error}\nNothing was written; the old calibration stands.", restored=True
+            f"{error}\nNothing was written. The old calibration is still used.", restored=True
         ) from error
     old = {} if kept is None else {m.id: v for m, v in zip(target.motors, kept, strict=True)}
     try:
@@ -112,8 +112,8 @@ def recover(target: CalibrationTarget, file: ArmFile, journal: Journal) -> Recov
     if record.device_identity and target.identity and record.device_identity != target.identity:
         raise NotWritten(
             f"a calibration of {record.node_name} was interrupted while it was written to "
-            f"{record.device_identity}, and this is {target.identity}. Connect that arm and run the "
-            "command again",
+            f"{record.device_identity}, but this is {target.identity}. Connect that arm and run the command "
+            "again",
             restored=False,
         )
     is_completed = entry is not None and entry.calibrated_at == record.calibrated_at
@@ -123,8 +123,9 @@ def recover(target: CalibrationTarget, file: ArmFile, journal: Journal) -> Recov
         _store(target, record.new if is_completed else record.old, lambda: False)
     except DeviceError as error:
         raise NotWritten(
-            f"{error}\nThe servos of {record.node_name} hold values of two calibrations. Run the command "
-            "again as soon as the arm answers",
+            f"{error}\n"
+            f"The servos of {record.node_name} hold values of two calibrations. Run the command again once "
+            "the arm responds",
             restored=False,
         ) from error
     journal.remove()
@@ -171,11 +172,13 @@ def _undone(
     if failure is None:
         journal.remove()
         return NotWritten(
-            f"{reason}\nThe old calibration stands, in the servos and in the file.", restored=True
+            f"{reason}\nThe old calibration is still used, in the servos and in the file.", restored=True
         )
     return NotWritten(
-        f"{reason}\nThe old calibration stands in the file, and the servos could not be put back yet: "
-        f"{failure}\nTorque of this arm stays off until then. Connect it and run `{journal.recovery}`.",
+        f"{reason}\n"
+        "The file still contains the old calibration, but the servos could not be restored yet: "
+        f"{failure}\n"
+        f"Torque of this arm stays off until they are. Connect it and run `{journal.recovery}`.",
         restored=False,
     )
 

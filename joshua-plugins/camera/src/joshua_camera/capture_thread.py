@@ -240,8 +240,8 @@ class CaptureThread:
     def _what_came(self) -> str:
         figures = self.figures
         if not figures.received:
-            return "nothing came"
-        return f"{figures.received} came, {figures.damaged} of them damaged, {figures.stale} stale"
+            return "nothing was received"
+        return f"{figures.received} were received, {figures.damaged} of them damaged, {figures.stale} stale"
 
 
 def _epoch_offset_ns() -> int:

@@ -92,7 +92,7 @@ def exposure_text(units: float) -> str:
 
 def describe(applied: Applied, device: v4l2.VideoDevice | None) -> str:
     """Return a sentence about a setting that the device did not apply, with the allowed range if known."""
-    text = f"{applied.name} {applied.asked}was requested, the camera uses {applied.found}"
+    text = f"{applied.name} {applied.asked}was requested, but the camera uses {applied.found}"
     control_id = _CONTROL_IDS.get(applied.name)
     allowed = device.control(control_id) if device is not None and control_id is not None else None
     if allowed is not None:

@@ -64,7 +64,7 @@ class DeviceCapture(Capture):
         size = applied[1]
         if not size.kept:
             raise self._refuse(
-                f"does not offer {size.asked}, it gives {size.found}",
+                f"does not offer {size.asked}, but delivers {size.found}",
                 f"set width and height to a size that it offers: {self._sizes()}",
             )
         if applied[0].found in _JPEG_CODES:
@@ -106,5 +106,5 @@ class DeviceCapture(Capture):
         if not captures:
             raise self._refuse(
                 "delivers no pictures",
-                f"a camera may have further device files, for metadata; {others(path)}",
+                f"a camera may have more device files, for metadata; {others(path)}",
             )

@@ -31,7 +31,7 @@ class FileCapture(Capture):
         # Pictures have no rate of their own; OpenCV then reports 0 or 1.
         if self.source.kind is SourceKind.FILE and rate > 1 and round(rate) != self.settings.fps:
             self.notes.append(
-                f"{self.source.label} was taken at {rate:g} Hz and is played at {self.settings.fps} Hz"
+                f"{self.source.label} was recorded at {rate:g} Hz and is played at {self.settings.fps} Hz"
             )
         self._start_ns = time.monotonic_ns()
 

@@ -104,7 +104,7 @@ class CameraNode(SensorNode):
     def _content(self) -> tuple[str, bool, str]:
         pixels = self._last_picture.as_rgb() if self._last_picture is not None else None
         if pixels is None:
-            return ("picture has content", False, "none came")
+            return ("picture has content", False, "none received")
         level, spread = float(pixels.mean()), float(pixels.std())
         if spread < LEAST_SPREAD:
             hint = "check whether the lens is covered or the exposure is wrong"
@@ -113,7 +113,7 @@ class CameraNode(SensorNode):
 
     def _save_picture(self) -> tuple[str, bool, str]:
         if self._last_picture is None:
-            return ("last picture", False, "none came")
+            return ("last picture", False, "none received")
         name = re.sub(r"[^A-Za-z0-9_]+", "_", self.context.spec.full_name).strip("_")
         path = log_directory(os.environ) / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.jpg"
         try:
@@ -137,7 +137,7 @@ def _rate(figures: Figures, wanted_hz: float) -> tuple[str, bool, str]:
 def _losses(figures: Figures) -> tuple[str, bool, str]:
     passed = figures.received > 0 and figures.damaged <= DAMAGED_SHARE * figures.received
     lost = f"{figures.dropped} dropped, {figures.stale} stale, {figures.damaged} damaged"
-    return ("pictures whole", passed, f"{figures.received} came, {lost}")
+    return ("pictures whole", passed, f"{figures.received} received, {lost}")
 
 
 def _latency(figures: Figures) -> str:

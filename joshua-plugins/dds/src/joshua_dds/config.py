@@ -72,7 +72,7 @@ def _tie(descriptor: int) -> None:
         except OSError as error:
             _log.warning(
                 "a DDS socket stays open to the network: the system does not allow binding it to the "
-                "loopback device (%s). Close it with a firewall",
+                "loopback device (%s). Block it with a firewall",
                 error,
             )
 

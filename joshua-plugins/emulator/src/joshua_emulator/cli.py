@@ -105,7 +105,9 @@ def parse_fault(text: str) -> dict[str, Any]:
         if not (equals and setting):
             raise ControlError(f"fault {text!r}: {part!r} needs a value, as in at_s=5")
         if key in ("op", "kind", "value"):
-            raise ControlError(f"fault {text!r}: {key!r} is no setting; write the fault as KIND=VALUE,at_s=5")
+            raise ControlError(
+                f"fault {text!r}: {key!r} is not a setting; write the fault as KIND=VALUE,at_s=5"
+            )
         if key in request:
             raise ControlError(f"fault {text!r}: {key} is set twice; leave one of them out")
         request[key] = _number(setting)
@@ -235,19 +237,24 @@ def _add_bus(protocols: Any, name: str, summary: str, baudrates: Iterable[int], 
     bus.add_argument("--models", type=_names, default=(), help=f"{models}, in cable order")
     bus.add_argument("--volts", type=float, help="voltage of the supply")
     bus.add_argument("--seed", type=int, default=0, help="seed of the line faults")
-    bus.add_argument("--echo", action="store_true", help="the adapter returns what the host sends")
+    bus.add_argument("--echo", action="store_true", help="the adapter echoes what the host sends")
     bus.add_argument(
-        "--burst-window-s", type=float, default=0.0005, help="replies this close are handed over together"
+        "--burst-window-s",
+        type=float,
+        default=0.0005,
+        help="the adapter delivers replies this close together",
     )
     bus.add_argument("--physics", type=Path, help="socket of a simulation that moves the joints")
-    bus.add_argument("--physics-actuators", type=_names, default=(), help="of its model, in cable order")
     bus.add_argument(
-        "--physics-start-rad", type=_floats, default=(), help="where they are at first, about their middles"
+        "--physics-actuators", type=_names, default=(), help="joints of its model, in cable order"
+    )
+    bus.add_argument(
+        "--physics-start-rad", type=_floats, default=(), help="initial positions, relative to their middles"
     )
     bus.add_argument("--motion", help="motion of the user's hand: sine, sweep, file,file=PATH")
     bus.add_argument("--fault", action="append", default=[], help="drop=0.01, silent=3, unplug,at_s=5, …")
     bus.add_argument(
-        "--until-stdin-closes", action="store_true", help="end with the process that started this one"
+        "--until-stdin-closes", action="store_true", help="exit with the process that started this one"
     )
 
 

@@ -32,7 +32,7 @@ def listen_at(path: Path) -> socket.socket:
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.is_symlink() or (path.exists() and not path.is_socket()):
-        raise FileExistsError(f"{path} is there already and is no socket; name another path")
+        raise FileExistsError(f"{path} already exists and is not a socket; name another path")
     path.unlink(missing_ok=True)
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
@@ -107,7 +107,7 @@ class ControlServer:
         try:
             request = json.loads(line, parse_float=_finite, parse_constant=_finite)
         except (ValueError, RecursionError) as error:
-            return {"ok": False, "error": f"the line is no JSON object: {error}"}
+            return {"ok": False, "error": f"the line is not a JSON object: {error}"}
         if not isinstance(request, dict) or not isinstance(request.get("op"), str):
             return {"ok": False, "error": 'a request is an object with "op", such as {"op": "state"}'}
         try:

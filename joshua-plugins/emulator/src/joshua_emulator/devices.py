@@ -52,8 +52,8 @@ class ProcessEmulator(DeviceEmulator):
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise EmulationError(
-                f"{self.device.node_name}: {folder}, where the emulated device keeps what it remembers, "
-                f"cannot be made: {error.strerror}; set XDG_STATE_HOME to a folder that can be written"
+                f"{self.device.node_name}: {folder}, which keeps the memory of the emulated device, cannot "
+                f"be created: {error.strerror}. Set XDG_STATE_HOME to a writable folder"
             ) from error
         try:
             self._process = self.make_process(self.device.block, folder)

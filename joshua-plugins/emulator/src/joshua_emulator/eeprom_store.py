@@ -32,7 +32,7 @@ class EepromStore:
             identity = content["identity"]
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise EepromStoreError(
-                f"{self._path}: is no EEPROM file of the emulator ({type(error).__name__}: {error}); "
+                f"{self._path}: is not an EEPROM file of the emulator ({type(error).__name__}: {error}); "
                 "remove it to start from factory settings"
             ) from error
         if identity != self._identity:

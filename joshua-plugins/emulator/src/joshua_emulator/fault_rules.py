@@ -108,8 +108,8 @@ def _check_value(kind: str, rule: FaultRule, request: Mapping[str, Any]) -> None
         value = request["value"]
         when = f"{value:g}" if _START.fits(value) else "5"
         raise ControlError(
-            f"{kind} takes no value, found {value!r}; to happen some seconds after the start it takes "
-            f"at_s={when}: {kind},at_s={when}"
+            f"{kind} takes no value, found {value!r}; to make it happen {when} s after the start, write "
+            f"{kind},at_s={when}"
         )
     elif not rule.value.fits(request["value"]):
         raise ControlError(f"{kind} is {request['value']!r}; allowed: {rule.value.allowed}")

@@ -97,7 +97,7 @@ def recorded(values: Mapping[str, Any], joints: Sequence[str]) -> dict[int, Traj
     except OSError as error:
         raise MotionError(f"{path}: cannot be read ({error.strerror}); name an existing CSV file") from error
     except ValueError as error:
-        raise MotionError(f"{path}: is no table of numbers under a header line ({error})") from error
+        raise MotionError(f"{path}: is not a table of numbers with a header line ({error})") from error
     if not header or header[0] != "time_s" or not table:
         raise MotionError(f"{path}: the header must begin with time_s and a line of numbers must follow")
     if any(len(row) != len(header) for row in table):

@@ -43,6 +43,6 @@ def joshua_specs() -> list[PluginSpec]:
         EmulatorSpec(
             block="gamepad_config",
             implementation="joshua_emulator.gamepad.device:GamepadEmulator",
-            summary="Xbox controller whose records come from a UNIX socket, moved by an unseen hand",
+            summary="Xbox controller that moves by itself, its records on a UNIX socket",
         ),
     ]

@@ -126,7 +126,7 @@ class EncoderSettings(SerialSettings):
                 "joint_name",
                 f"{len(self.joint_names)} names are given for {encoders} encoders",
                 allowed=(f"{encoders} names",),
-                remedy="name each encoder once, in the order of address, or none",
+                remedy="name each encoder once, in the order of address, or omit all names",
             )
         for index, name in enumerate(self.joint_names):
             if not name or name in self.joint_names[:index]:

@@ -155,15 +155,18 @@ class LineSource(Source):
     def _stale(self) -> str:
         if self._no_magnet:
             return (
-                f"{self.port}: the AS5600 sees no magnet: bring the magnet to 0.5 to 3 mm before the middle "
+                f"{self.port}: the AS5600 detects no magnet: place the magnet 0.5 to 3 mm from the centre "
                 "of the chip"
             )
         if self._parser.last_bad:
             return (
-                f"{self.port}: no valid line received for {STALE_S:g} s (the last one was "
-                f"{_text(self._parser.last_bad)}: check baudrate, cable and ground"
+                f"{self.port}: no valid line received for {STALE_S:g} s (last one: "
+                f"{_text(self._parser.last_bad)}): check baudrate, cable and ground"
             )
-        return f"{self.port}: the encoder repeats the same time: restart the program on its microcontroller"
+        return (
+            f"{self.port}: the encoder repeats the same time stamp: restart the program on its "
+            "microcontroller"
+        )
 
     def _explain(self) -> DeviceError:
         """Raise the error that explains why no line was received."""

@@ -135,13 +135,13 @@ def visible_nodes(transport: Transport, wait_s: float, *, hidden: bool = True) -
         wider = ""
         if settings.kind == "dds" and settings.discovery_range == "LOCALHOST":
             wider = (
-                ", those of other machines, and of Cyclone DDS with its default range, "
+                ", and nodes on other machines, or of Cyclone DDS with its default range, need "
                 "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET here"
             )
         sys.stderr.write(
-            f"no ROS 2 node was found on {place_of(transport)}. {_running_hint(settings)}"
-            "Nodes of another domain need its ROS_DOMAIN_ID, "
-            f"those of the other middleware --transport {other}{wider}\n"
+            f"no ROS 2 node was found on {place_of(transport)}. {_running_hint(settings)}Nodes of another "
+            "domain need its ROS_DOMAIN_ID, nodes of the other middleware need --transport "
+            f"{other}{wider}\n"
         )
     return shown
 

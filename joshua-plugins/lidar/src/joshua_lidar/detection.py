@@ -100,8 +100,8 @@ def explain(port: SerialPort, expected: Model | None) -> DeviceError:
             )
     if bytes_seen:
         return DeviceError(
-            f"{port}: sends data, but not that of a known laser scanner at any line speed: "
-            f"check comm.serial; the models are {', '.join(MODELS)}"
+            f"{port}: sends data, but no known laser scanner sends such data at any line speed: check "
+            f"comm.serial; known models are {', '.join(MODELS)}"
         )
     power = expected.power if expected else "5 V; many need more current than a USB 2 socket supplies"
     return DeviceError(

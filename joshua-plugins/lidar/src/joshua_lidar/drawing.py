@@ -102,7 +102,9 @@ def terminal_view(scan: Scan, beams: Beams, width: int = 64, height: int = 28) -
     lines = [[chr(_BRAILLE_START + code) if code else " " for code in line] for line in codes.tolist()]
     lines[height // 2][width // 2] = "+"
     picture = "\n".join("".join(line).rstrip() for line in lines).strip("\n").split("\n")
-    return "\n".join([*picture, f"from above, ahead is up; {reach_m:.1f} m from the scanner (+) to the edge"])
+    return "\n".join(
+        [*picture, f"seen from above, forward is up; {reach_m:.1f} m from the scanner (+) to the edge"]
+    )
 
 
 def _positions(ranges_m: Floats, beams: Beams) -> tuple[Floats, Floats]:

@@ -322,8 +322,8 @@ class SerialLidar(Sensor):
         if now_s - self._packet_s > NO_PACKET_S:
             raise DeviceDisconnected(
                 f"{self._port}: no valid packet of the {model.title} for {NO_PACKET_S:g} s "
-                f"({self._keeper.damaged} damaged places): check cable and ground, keep the cable away from "
-                "motors, and check its power"
+                f"({self._keeper.damaged} damaged sections): check cable and ground, keep the cable away "
+                "from motors, and check its power"
             )
         if now_s - self._turn_s > NO_TURN_S:
             raise DeviceDisconnected(self._stalled())
@@ -332,6 +332,6 @@ class SerialLidar(Sensor):
         model = self.model
         assert model is not None
         return (
-            f"{self._port}: the {model.title} measures but does not turn: free its rotor and its belt, and "
-            f"check its power ({model.power})"
+            f"{self._port}: the {model.title} measures, but it does not turn: free its rotor and its belt, "
+            f"and check its power ({model.power})"
         )

@@ -78,7 +78,7 @@ class LidarNode(SensorNode):
         if not self._testing or not isinstance(self._sensor, SerialLidar):
             return rows
         lidar, figures = self._sensor, self._sensor.figures
-        rows.append(("scanner", bool(lidar.facts), lidar.facts or "none was found"))
+        rows.append(("scanner", bool(lidar.facts), lidar.facts or "none found"))
         if lidar.model is not None and lidar.beams is not None:
             rows += judge(figures, lidar.model, lidar.model.beams_in(lidar.settings.scan_mode))
             rows.append(self._save_picture())
@@ -103,7 +103,7 @@ class LidarNode(SensorNode):
     def _save_picture(self) -> Row:
         scan, beams = self._last_scan, self.lidar.beams
         if scan is None or beams is None:
-            return ("last scan", False, "none came")
+            return ("last scan", False, "none received")
         self.context.log.info("the last scan\n%s", terminal_view(scan, beams))
         name = re.sub(r"[^A-Za-z0-9_]+", "_", self.context.spec.full_name).strip("_")
         from PIL import Image
@@ -127,8 +127,8 @@ def judge(figures: Figures, model: Model, beams_per_turn: int) -> list[Row]:
     whole = figures.packets > 0 and figures.damaged <= DAMAGED_SHARE * figures.packets
     line = "" if whole else ": check cable and ground, and keep the cable away from motors"
     return [
-        ("turns", turns, f"{figures.turn_hz:.3g} a second of usually {model.turn_hz:g}{hint}"),
+        ("turns", turns, f"{figures.turn_hz:.3g} a second, usually {model.turn_hz:g}{hint}"),
         ("points of a turn", points, f"{figures.points} for {beams_per_turn} beams"),
         ("beams measured", covered, f"{figures.coverage:.0%}{where}"),
-        ("packets whole", whole, f"{figures.packets} came, {figures.damaged} damaged places{line}"),
+        ("packets whole", whole, f"{figures.packets} received, {figures.damaged} damaged sections{line}"),
     ]

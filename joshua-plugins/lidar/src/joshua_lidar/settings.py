@@ -53,14 +53,14 @@ class LidarSettings(SerialSettings):
         if not width > 0:
             raise FieldError(
                 "angle_max",
-                "angle_max is not above angle_min, so that the scan has no width",
+                "angle_max is not above angle_min, so the scan has no width",
                 allowed=("more than angle_min",),
                 remedy="set angle_max above angle_min",
             )
         if not self.range_min_m < self.range_max_m:
             raise FieldError(
                 "range_max",
-                "range_max is not above range_min, so that nothing can be measured",
+                "range_max is not above range_min, so the scanner can measure nothing",
                 allowed=("more than range_min",),
                 remedy="set range_max above range_min",
             )

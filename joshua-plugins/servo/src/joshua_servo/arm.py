@@ -438,7 +438,7 @@ class ServoArm(Actuator):
         if self.settings.calibration is None and not self.context.facts.allow_uncalibrated:
             raise NotCalibrated(
                 f"{self._port}: the arm is not calibrated, so its joints are not energised. Run a "
-                "MODE_CALIBRATION configuration (joshua presets names calibrate_so_arm100), or pass "
+                "MODE_CALIBRATION configuration such as the preset calibrate_so_arm100, or pass "
                 "--allow-uncalibrated to drive it about the middle of position_min and position_max."
             )
 

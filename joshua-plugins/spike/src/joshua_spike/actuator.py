@@ -133,13 +133,13 @@ class SpikeActuator(Actuator):
         if self.settings.calibration is None and not self.context.facts.allow_uncalibrated:
             raise NotCalibrated(
                 f"{self._hub}: the motors are not calibrated, so they are not energised. Run a "
-                "MODE_CALIBRATION configuration (joshua presets names calibrate_spike), or pass "
+                "MODE_CALIBRATION configuration such as the preset calibrate_spike, or pass "
                 "--allow-uncalibrated to drive them about their marks."
             )
         with self._lock:
             state = self._hub.order("P" if self._dry_run else "E")
             if not (state.energised or self._dry_run):
-                raise DeviceError(f"{self._hub}: the motors did not enable torque; switch the hub off and on")
+                raise DeviceError(f"{self._hub}: the motors did not enable torque. Switch the hub off and on")
             self._enabled, self._tripped = True, False
             self._remember(self._map.radians(state.angles_deg), state.angles_deg)
 
@@ -159,7 +159,7 @@ class SpikeActuator(Actuator):
             if self._tripped:
                 raise SafetyTripped(self._trip_text())
             if not self._enabled:
-                raise NotEnabled(f"{self._hub}: the motors have no torque: call enable first")
+                raise NotEnabled(f"{self._hub}: torque is off: call enable first")
             elapsed_s = min(time.monotonic() - self._written_s, MAX_RATE_WINDOW_S)
             step = self.velocity_max_rad_s * elapsed_s
             goal = np.clip(goal, self._goal - step, self._goal + step)
@@ -247,9 +247,8 @@ class SpikeActuator(Actuator):
 
     def _trip_text(self) -> str:
         return (
-            f"{self._hub}: the hub stopped the motors by itself, because no command had come for "
-            f"{DEAD_MAN_S:g} s. Check the link (move closer) and the program that sends the commands, "
-            "then enable again"
+            f"{self._hub}: the hub stopped the motors, because it received no command for {DEAD_MAN_S:g} s. "
+            "Check the link (move closer) and the program that sends the commands, then enable again"
         )
 
     def _remember(self, goal_rad: FloatArray, target_deg: Sequence[int]) -> None:

@@ -36,7 +36,7 @@ _REASONS.update(
     )
 )
 _NO_BLUEZ = (
-    "the system's Bluetooth service (BlueZ, by D-Bus) does not run",
+    "the system's Bluetooth service (BlueZ, by D-Bus) is not running",
     "start it: systemctl start bluetooth; in a container, share the host's D-Bus socket",
 )
 _DBUS_ABSENT = ("ServiceUnknown", "NameHasNoOwner", "UnknownObject", "NoReply", "Disconnected")
@@ -76,14 +76,14 @@ async def open_adapter(spec: str) -> Adapter:
 
         raise AdapterUnusable(
             f"adapter {spec}: bumble, which drives such adapters, is not installed: "
-            f"{install('joshua-spike', 'bumble')}, or leave adapter out for the system's own"
+            f"{install('joshua-spike', 'bumble')}, or omit adapter to use the system's own"
         ) from error
     try:
         bumble = await BumbleAdapter.open(spec)
     except Exception as error:  # each transport raises the exceptions of its own library
         raise AdapterUnusable(
-            f"adapter {spec}: cannot be opened: {error or type(error).__name__}. Check that the address is "
-            "right and that what should be there runs; leave adapter out for the system's own"
+            f"adapter {spec}: cannot be opened: {error or type(error).__name__}. Check the address and that "
+            "the transport behind it is running, or omit adapter to use the system's own"
         ) from error
     return Adapter(
         f"adapter {spec}", {"backend": bumble.scanner_type()}, {"backend": bumble.client_type()}, bumble

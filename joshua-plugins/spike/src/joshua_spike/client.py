@@ -99,8 +99,8 @@ class HubClient:
             thread.close()
             if isinstance(error, TimeoutError):
                 raise HubUnreachable(
-                    f"hub {settings.device_name!r}: did not open within {OPEN_TIMEOUT_S:g} s; "
-                    "switch it off and on"
+                    f"hub {settings.device_name!r}: did not open within {OPEN_TIMEOUT_S:g} s. Switch it off "
+                    "and on"
                 ) from error
             raise
         self._thread = thread
@@ -128,8 +128,8 @@ class HubClient:
                 left_s = STATE_TIMEOUT_S - clock.now_s()
                 if left_s <= 0:
                     raise LinkLost(
-                        f"{self}: no state for {STATE_TIMEOUT_S:g} s, although the link is up. Move closer; "
-                        f"its dead man's switch stops the motors after {DEAD_MAN_S:g} s"
+                        f"{self}: no state received for {STATE_TIMEOUT_S:g} s, although the link is up. "
+                        f"Move closer. The hub's dead man's switch stops the motors after {DEAD_MAN_S:g} s"
                     )
                 session.changed.wait(min(left_s, _LOOK_S))
             if session.end is not None:
@@ -145,7 +145,7 @@ class HubClient:
         try:
             return self._thread.run(session.order(kind), ORDER_TIMEOUT_S)
         except TimeoutError as error:
-            raise LinkLost(f"{self}: no longer responds to commands; move closer") from error
+            raise LinkLost(f"{self}: does not respond to commands. Move closer") from error
 
     def follow(self, targets_deg: tuple[int, ...]) -> None:
         """Queue targets; newer ones replace them. Raises LinkLost, ProgramFailed."""

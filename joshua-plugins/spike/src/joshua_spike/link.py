@@ -132,7 +132,10 @@ class HubLink:
         """Stop the running program, upload another and start it. Raises LinkLost, ProgramFailed."""
         limit = self._capabilities.max_program_size
         if limit and len(blob) > limit:
-            raise ProgramFailed(f"{self}: has room for programs of {limit} bytes; ours has {len(blob)}")
+            raise ProgramFailed(
+                f"{self}: accepts programs of at most {limit} bytes, and the program of "
+                f"JOSHUA has {len(blob)}"
+            )
         self._expects_program = False
         await self.command(bytes([Command.STOP_PROGRAM]))
         await self._wait_for_program(False)
@@ -174,7 +177,7 @@ class HubLink:
         except (BleakError, OSError) as error:
             problem = adapter_problem(self._adapter.name, error)
             raise problem or HubUnreachable(
-                f"{self}: {self._adapter.name} cannot look for it: {error or type(error).__name__}"
+                f"{self}: {self._adapter.name} cannot search for it: {error or type(error).__name__}"
             ) from error
         if device is None:
             raise HubNotFound(self._not_found(list(heard.values())))
@@ -206,9 +209,9 @@ class HubLink:
             found = ", ".join(service.description for service in client.services)
             await self._drop()
             raise WrongFirmware(
-                f"{self}: offers no Pybricks service, so it runs LEGO's firmware or is another "
-                f"device; its services: {found}. Install Pybricks at https://code.pybricks.com (it can be "
-                "undone), or correct device_name"
+                f"{self}: offers no Pybricks service, so it runs LEGO's firmware or is another device. Its "
+                f"services: {found}. Install Pybricks at https://code.pybricks.com (it can be undone), or "
+                "correct device_name"
             )
         try:
             self._capabilities = Capabilities.parse(bytes(await client.read_gatt_char(CAPABILITIES)))
@@ -259,7 +262,7 @@ class HubLink:
         while not reached():
             left_s = deadline_s - asyncio.get_running_loop().time()
             if self._client is None or left_s <= 0:
-                raise LinkLost(f"{self}: no longer reports its status; move closer")
+                raise LinkLost(f"{self}: does not report its status. Move closer")
             self._status_changed.clear()
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._status_changed.wait(), left_s)
@@ -287,8 +290,9 @@ class HubLink:
         words = self.last_words()
         said = f". Its output:\n  {words}" if words else " without output"
         return ProgramFailed(
-            f"{self}: the program on the hub {what}{said}\n  The motors are without torque. Somebody may "
-            "have pressed the hub's button or unplugged a motor; put it right and start again"
+            f"{self}: the program on the hub {what}{said}\n"
+            "  The motors' torque is off. The hub's button may have been pressed, or a motor unplugged. "
+            "Check both, then start again"
         )
 
     def _on_disconnected(self, client: BleakClient) -> None:

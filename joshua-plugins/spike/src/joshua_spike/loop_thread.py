@@ -43,7 +43,7 @@ class LoopThread:
         """
         if self._loop is None:
             coroutine.close()
-            raise RuntimeError("the loop thread does not run")
+            raise RuntimeError("the loop thread is not running")
         future = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
         end_s = time.monotonic() + timeout_s
         while True:

@@ -126,7 +126,7 @@ class HubSession:
             self._targets = None
         line = await self._ask(Line(kind, 0), "S", REPLY_TIMEOUT_S, ORDER_ATTEMPTS)
         if line is None:
-            raise self.end or LinkLost(f"{self.link}: no longer responds to commands; move closer")
+            raise self.end or LinkLost(f"{self.link}: does not respond to commands. Move closer")
         return HubState.of(line)
 
     def follow(self, targets_deg: tuple[int, ...]) -> None:
@@ -149,8 +149,9 @@ class HubSession:
         except asyncio.TimeoutError:
             words = self.link.last_words() or "nothing"
             raise ProgramFailed(
-                f"{self.link}: the uploaded program does not become ready; its output:\n  {words}"
-                "\n  Update the hub's firmware at https://code.pybricks.com, and switch the hub off and on"
+                f"{self.link}: the uploaded program does not become ready. Its output:\n"
+                f"  {words}\n"
+                "  Update the hub's firmware at https://code.pybricks.com, and switch the hub off and on"
             ) from None
         finally:
             self._answers.pop("R", None)
@@ -159,7 +160,7 @@ class HubSession:
         words = (*self._dead_man, self._ports)
         answer = await self._ask(Line("C", 0, words), "M", 1.0, ORDER_ATTEMPTS)
         if answer is None:
-            raise self.end or LinkLost(f"{self.link}: its program does not answer; move closer")
+            raise self.end or LinkLost(f"{self.link}: its program does not answer. Move closer")
         problems = []
         for word in answer.words:
             port, _, device = word.partition(":")
@@ -177,7 +178,7 @@ class HubSession:
                         *problems,
                         f"expected: a motor on {', '.join(self._ports)}",
                         f"found (port:type): {found}",
-                        "Plug the motors in, or correct port_names; then start again.",
+                        "Plug the motors in, or correct port_names. Then start again.",
                     ]
                 )
             )

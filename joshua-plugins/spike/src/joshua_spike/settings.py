@@ -63,7 +63,7 @@ class SpikeSettings(ActuatorSettings):
                 "comm.ble.adapter",
                 f"{self.adapter!r} is neither an adapter of the system nor a transport of bumble",
                 allowed=("hci0", "tcp-client:127.0.0.1:4711", *(f"{name}:…" for name in TRANSPORTS[1:])),
-                remedy="leave adapter out for the system's own adapter",
+                remedy="omit adapter to use the system's own",
             )
         return self
 
@@ -74,7 +74,7 @@ class SpikeSettings(ActuatorSettings):
                 "comm.ble.service_uuid",
                 "the driver supports only the service of the Pybricks firmware",
                 allowed=(f'"{SERVICE}"',),
-                remedy="leave service_uuid out",
+                remedy="remove service_uuid",
             )
         return self
 

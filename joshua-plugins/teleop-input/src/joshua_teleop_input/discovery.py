@@ -117,12 +117,13 @@ def find_by_name(wanted: str, folder: Path) -> str:
     if pads:
         names = nearest_first(wanted, [pad.capabilities.name for pad in pads if pad.capabilities])
         raise InputDeviceError(
-            f"{what} is connected; there is {', '.join(names)}: correct device, or leave it out"
+            f"{what} is connected; connected are {', '.join(names)}: correct device, or omit it"
         )
     if refused:
         raise NoGamepadError(
-            f"{what} can be seen, and {len(refused)} input devices such as {refused[0].path} may not be read "
-            "by this user: add the user to the group input (sudo usermod -aG input $USER, then log in again)"
+            f"{what} was found, and this user may not read {len(refused)} input devices such as "
+            f"{refused[0].path}: add the user to the group input (sudo usermod -aG input $USER, then log in "
+            "again)"
         )
     raise NoGamepadError(
         f"{what} is connected: plug it in or switch it on; run joshua find-gamepads to list detected gamepads"

@@ -77,8 +77,8 @@ class Gamepad(Sensor):
             pad.close()
             raise InputDeviceError(
                 f"{pad.name} has no {', '.join(missing)}; it has "
-                f"{', '.join(nearest_first(missing[0], sorted(pad.names)))}: use those, or say with mapping "
-                "where the others are (joshua find-gamepads --watch shows what you press)"
+                f"{', '.join(nearest_first(missing[0], sorted(pad.names)))}: use those, or name the others "
+                "with mapping (joshua find-gamepads --watch shows what you press)"
             )
         self._pad, self._name, self._sequence = pad, pad.name, 0
 

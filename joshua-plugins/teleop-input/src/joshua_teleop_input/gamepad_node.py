@@ -148,7 +148,7 @@ class GamepadNode(InputNode):
             except DeviceError as error:
                 wait_s = min(2 * wait_s, RECONNECT_LARGEST_S)
                 level = self.context.log.debug if str(error) == said else self.context.log.warning
-                level("not back yet: %s", error)
+                level("gamepad still disconnected: %s", error)
                 said = str(error)
             else:
                 self.context.log.info("gamepad reconnected: %s; switch driving on again", self.gamepad.name)

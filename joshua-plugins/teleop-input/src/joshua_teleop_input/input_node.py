@@ -114,7 +114,7 @@ class InputNode(NodeBehaviour):
     def _tick(self) -> None:
         with self._lock:
             if time.monotonic() - self._read_s > READER_LIMIT_S and self.drive.release():
-                self.context.log.warning("the device is not being read: all controls count as released")
+                self.context.log.warning("the node is not reading the device: all controls count as released")
             self._command()
 
     def _diagnostic_rows(self) -> list[DiagnosticStatus]:

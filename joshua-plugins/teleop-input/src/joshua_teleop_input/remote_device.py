@@ -145,7 +145,7 @@ def parse_header(line: bytes, path: str) -> Capabilities:
             raise ValueError(f"format {values['format']!r}")
         if values["version"] != VERSION:
             raise InputDeviceError(
-                f"{path}: the sender speaks version {values['version']} of the format and this side "
+                f"{path}: the sender uses version {values['version']} of the format, but this machine uses "
                 f"{VERSION}: install the same joshua-teleop-input on both machines"
             )
         return Capabilities(
@@ -160,8 +160,8 @@ def parse_header(line: bytes, path: str) -> Capabilities:
         )
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputDeviceError(
-            f"{path} is not a shared gamepad: its data begin with {line[:40]!r}; "
-            "joshua share-gamepad is the program for the other machine"
+            f"{path} is not a shared gamepad: its data begin with {line[:40]!r}; run joshua share-gamepad "
+            "on the other machine"
         ) from error
 
 

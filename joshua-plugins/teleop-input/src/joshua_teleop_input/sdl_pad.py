@@ -58,7 +58,7 @@ class SdlPad:
         self._problem: Exception | None = None
         if not _in_use.acquire(blocking=False):
             raise InputDeviceError(
-                "SDL reads one gamepad in a process: run the second one as a node of its own"
+                "SDL reads only one gamepad in each process: give the second one a node in another process"
             )
         self._thread = threading.Thread(target=self._run, name="sdl", daemon=True)
         self._thread.start()
@@ -122,15 +122,15 @@ class SdlPad:
             if self._wanted.lower() in name.lower():
                 if self._has_mapping:
                     raise InputDeviceError(
-                        f"mapping names axes and buttons of the Linux kernel, and {name} is read by SDL: "
-                        "remove it; the environment variable SDL_GAMECONTROLLERCONFIG teaches SDL a gamepad"
+                        f"mapping names axes and buttons of the Linux kernel, but SDL reads {name}: remove "
+                        "mapping; SDL takes its own from the environment variable SDL_GAMECONTROLLERCONFIG"
                     )
                 self.name = f"{name} (SDL)"
                 return controllers.Controller(number)
         if names:
             raise InputDeviceError(
-                f"no gamepad whose name contains {self._wanted!r} is connected; there is "
-                f"{', '.join(nearest_first(self._wanted, names.values()))}: correct device, or leave it out"
+                f"no gamepad whose name contains {self._wanted!r} is connected; connected are "
+                f"{', '.join(nearest_first(self._wanted, names.values()))}: correct device, or omit it"
             )
         raise NoGamepadError(
             "no gamepad is connected: plug it in or switch it on; "

@@ -179,7 +179,7 @@ class KeyboardSettings(InputSettings):
                     remedy="write one character, or the name of a key",
                 )
             elif key == HELP_KEY:
-                remedy = "take another key"
+                remedy = "use another key"
                 yield FieldError(field, f"{HELP_KEY} shows the help and cannot drive", remedy=remedy)
             elif key in used:
                 remedy = "use another key for one of them"

@@ -44,7 +44,7 @@ class GamepadShare:
         except OSError as error:
             self._listener.close()
             reason = (error.strerror or str(error)).lower()
-            raise InputDeviceError(f"{path} cannot be made: {reason}; name another path") from error
+            raise InputDeviceError(f"{path} cannot be created: {reason}; name another path") from error
         finally:
             os.umask(former)
         self._listener.listen(_MAX_CLIENTS)

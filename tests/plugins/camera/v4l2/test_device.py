@@ -70,9 +70,9 @@ def test_what_the_camera_does_not_keep_is_a_warning(devices: EmulatedDevices, fr
     devices.add(frame=frame)
     answer = read(devices, fields='brightness=300, contrast=7, exposure=9000, pixel_format="MJPG"')
     assert answer["warnings"] == [
-        "brightness 300was requested, the camera uses 255 (allowed: 0 to 255)",
+        "brightness 300was requested, but the camera uses 255 (allowed: 0 to 255)",
         "contrast 7was requested, but the camera has no such control",
-        "exposure 9000was requested, the camera uses 2047 (allowed: 3 to 2047)",
+        "exposure 9000was requested, but the camera uses 2047 (allowed: 3 to 2047)",
     ]
 
 
@@ -80,8 +80,8 @@ def test_another_pixel_format_and_rate_are_warnings(devices: EmulatedDevices, fr
     devices.add(modes=("YUYV 640 480 15",))
     answer = read(devices, count=4)
     assert answer["warnings"] == [
-        "pixel_format MJPGwas requested, the camera uses YUYV",
-        "fps 30was requested, the camera uses 15",
+        "pixel_format MJPGwas requested, but the camera uses YUYV",
+        "fps 30was requested, but the camera uses 15",
     ]
     assert not answer["jpeg"]
     assert answer["shape"] == [480, 640, 3]
@@ -108,7 +108,7 @@ def test_settings_that_are_not_kept_fail_a_test_run(devices: EmulatedDevices) ->
     node.cleanup()
     """
     answer = devices.run(body)
-    assert answer["table"][0] == "pixel_format MJPGwas requested, the camera uses YUYV"
+    assert answer["table"][0] == "pixel_format MJPGwas requested, but the camera uses YUYV"
     assert answer["rows"] == [["settings kept", False, "; ".join(answer["table"])]]
 
 
@@ -175,7 +175,7 @@ def test_a_busy_camera(refusals: dict[str, str]) -> None:
 
 def test_the_metadata_node_of_a_camera(refusals: dict[str, str]) -> None:
     assert refusals["metadata"].startswith(
-        "/dev/video1 delivers no pictures: a camera may have further device files, for metadata; "
+        "/dev/video1 delivers no pictures: a camera may have more device files, for metadata; "
     )
 
 

@@ -19,7 +19,7 @@ NOTHING = """no camera was found
 Plug one in. If it is plugged in already:
   - if lsusb does not show it, try another cable or socket
   - in a container, pass the device on: docker run --device /dev/video0
-  - a phone or a network camera needs no device, but its address in the file:
+  - a phone or a network camera needs no device, but needs its address in the file:
     source: "http://192.168.1.7:8080/video"
 """
 
@@ -32,11 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--save",
         metavar="FOLDER",
         type=Path,
-        help="take a picture with each camera and write it into this folder",
+        help="save a picture of each camera in this folder",
     )
-    parser.add_argument(
-        "--format", choices=("text", "json"), default=argparse.SUPPRESS, help="form of the list"
-    )
+    parser.add_argument("--format", choices=("text", "json"), default=argparse.SUPPRESS, help="output format")
 
 
 def run(arguments: argparse.Namespace) -> int:

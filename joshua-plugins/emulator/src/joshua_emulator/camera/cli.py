@@ -26,7 +26,7 @@ def add_parser(protocols: Any) -> None:
     camera.add_argument("--seed", type=int, default=0, help="seed of the faults")
     camera.add_argument("--fault", action="append", default=[], help="corrupt=0.01, stall=1,at_s=2, …")
     camera.add_argument(
-        "--until-stdin-closes", action="store_true", help="end with the process that started this one"
+        "--until-stdin-closes", action="store_true", help="exit with the process that started this one"
     )
 
 

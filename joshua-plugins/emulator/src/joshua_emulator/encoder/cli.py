@@ -15,7 +15,7 @@ _PROTOCOLS = ("line", "as5600", "amt21")
 def add_parser(protocols: Any) -> None:
     """Add the options of emulated encoders."""
     encoder = protocols.add_parser("encoder", help="rotary encoders on a shaft, on a pseudo-terminal")
-    encoder.add_argument("--kind", choices=_PROTOCOLS, default="line", help="what they speak")
+    encoder.add_argument("--kind", choices=_PROTOCOLS, default="line", help="protocol of the encoders")
     encoder.add_argument("--resolution", type=int, default=4096, help="counts in one revolution")
     encoder.add_argument("--baudrate", type=int, default=115_200, help="line speed")
     encoder.add_argument("--addresses", type=_numbers, default=(0x54,), help="of AMT21 encoders: 84,88")
@@ -32,7 +32,7 @@ def add_parser(protocols: Any) -> None:
         "--fault", action="append", default=[], help="corrupt=0.01, silent,at_s=2, unplug, …"
     )
     encoder.add_argument(
-        "--until-stdin-closes", action="store_true", help="end with the process that started this one"
+        "--until-stdin-closes", action="store_true", help="exit with the process that started this one"
     )
 
 

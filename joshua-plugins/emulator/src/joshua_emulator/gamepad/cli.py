@@ -20,7 +20,7 @@ def add_parser(protocols: Any) -> None:
     pad.add_argument("--control", type=Path, help="control socket; default is control.sock in the folder")
     pad.add_argument("--fault", action="append", default=[], help="unplug,at_s=5, stall=1,at_s=2, dirty, …")
     pad.add_argument(
-        "--until-stdin-closes", action="store_true", help="end with the process that started this one"
+        "--until-stdin-closes", action="store_true", help="exit with the process that started this one"
     )
 
 

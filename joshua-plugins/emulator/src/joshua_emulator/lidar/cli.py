@@ -23,7 +23,7 @@ def add_parser(protocols: Any) -> None:
     lidar.add_argument("--seed", type=int, default=0, help="seed of the faults")
     lidar.add_argument("--fault", action="append", default=[], help="corrupt=0.01, stall,at_s=2, unplug, …")
     lidar.add_argument(
-        "--until-stdin-closes", action="store_true", help="end with the process that started this one"
+        "--until-stdin-closes", action="store_true", help="exit with the process that started this one"
     )
 
 

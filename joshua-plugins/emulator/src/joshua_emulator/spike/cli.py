@@ -22,7 +22,7 @@ def add_parser(protocols: Any) -> None:
     hub.add_argument("--motion", help="motion of the user's hand: sine,amplitude_rad=0.4")
     hub.add_argument("--fault", action="append", default=[], help="stall=A, unplug,at_s=5, corrupt=0.05, …")
     hub.add_argument(
-        "--until-stdin-closes", action="store_true", help="end with the process that started this one"
+        "--until-stdin-closes", action="store_true", help="exit with the process that started this one"
     )
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from joshua_teleop_input.discovery import EventDevice, Found
 
-SUMMARY = "list the gamepads of this machine, and show the names of what is pressed"
+SUMMARY = "list the gamepads of this machine, and show the names of pressed controls"
 
 NOTHING = """no gamepad was found
 
@@ -36,14 +36,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DEVICE",
         nargs="?",
         const="",
-        help="show what is pressed on a gamepad, by path or part of its name, until Ctrl-C",
+        help="show the pressed controls of a gamepad, named by its path or a part of its name, until Ctrl-C",
     )
     parser.add_argument(
         "--duration", metavar="S", type=float, default=None, help="length of --watch in seconds"
     )
-    parser.add_argument(
-        "--format", choices=("text", "json"), default=argparse.SUPPRESS, help="form of the list"
-    )
+    parser.add_argument("--format", choices=("text", "json"), default=argparse.SUPPRESS, help="output format")
 
 
 def run(arguments: argparse.Namespace) -> int:

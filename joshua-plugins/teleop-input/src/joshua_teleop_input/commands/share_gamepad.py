@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from joshua_teleop_input.sharing import GamepadShare
 
-SUMMARY = "hand the gamepad of this machine to a run on another one, over SSH"
+SUMMARY = "share the gamepad of this machine with a run on another one, over SSH"
 
 _RETRY_S = 1.0
 
@@ -20,7 +20,7 @@ _RETRY_S = 1.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``joshua share-gamepad``."""
     parser.add_argument(
-        "socket", metavar="SOCKET", type=Path, help="path of the socket to make, such as pad.sock"
+        "socket", metavar="SOCKET", type=Path, help="path of the socket to create, such as pad.sock"
     )
     parser.add_argument(
         "--device", default="", help="path of the gamepad, or part of its name; default: the first"
@@ -48,9 +48,9 @@ def run(arguments: argparse.Namespace) -> int:
         return ExitCode.HARDWARE
     path = arguments.socket.absolute()
     sys.stdout.write(
-        f"shares {device.capabilities.name} at {path}; Ctrl-C ends\n"
-        f"a robot reached by SSH uses it with: ssh -R /tmp/pad.sock:{path} ROBOT\n"
-        'and, in its file: gamepad_config { device: "/tmp/pad.sock" … }\n'
+        f"sharing {device.capabilities.name} at {path}; stop with Ctrl-C\n"
+        f"to use it on a robot, run: ssh -R /tmp/pad.sock:{path} ROBOT\n"
+        'and write in its file: gamepad_config { device: "/tmp/pad.sock" … }\n'
     )
     sys.stdout.flush()
     try:
