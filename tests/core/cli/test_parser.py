@@ -73,6 +73,28 @@ def test_an_option_of_a_run_before_a_command_is_refused(
     assert capsys.readouterr().err.startswith(f"joshua: error: {first}")
 
 
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (
+            ("fmmt",),
+            "joshua: error: there is no command 'fmmt'\n  nearest: fmt\n  see: joshua --help\n",
+        ),
+        (
+            ("--format", "xml"),
+            "joshua: error: --format is 'xml'; allowed: text, json\n  see: joshua --help\n",
+        ),
+    ],
+)
+def test_a_value_that_does_not_exist(
+    words: tuple[str, ...], expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        parse(words)
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == expected
+
+
 @pytest.mark.parametrize("command", ["plan", "status", "stop", "estop", "emulate", "doctor"])
 def test_a_file_is_an_argument_or_an_option_before_or_after_the_command(command: str) -> None:
     for words in ((command, "x"), (command, "--config", "x"), ("--config", "x", command)):

@@ -72,7 +72,7 @@ def test_the_voltage_and_the_line_speed_are_judged(
     out = capsys.readouterr().out
     assert "id 1: 3.5 V, allowed 4.0 to 14.0 V\n         do: use a supply of the motors' voltage" in out
     assert "different line speeds: 1000000 bit/s: ids 1, 2; 115200 bit/s: id 3" in out
-    assert "run joshua motors setup to set one" in out
+    assert "run `joshua motors setup` to set one" in out
     emulator.ask("set", volts=4.3)
     run(emulator)
     assert (

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
@@ -57,6 +58,13 @@ class Parser(argparse.ArgumentParser):
         elif word and any(command.name == word for command in self._plugin_commands()):
             message = f"{word} is a command of a plugin and must be the first argument: {self.prog} {word} …"
             word = ""
+        is_command = message.startswith("argument COMMAND:")
+        if choice := re.fullmatch(r"argument (.+): invalid choice: (.+) \(choose from (.+)\)", message):
+            name, found, choices = choice.groups()
+            allowed = choices.replace("'", "")
+            message = (
+                f"there is no command {found}" if is_command else f"{name} is {found}; allowed: {allowed}"
+            )
         words = message.partition("unrecognized arguments:")[2].split()
         unrecognized = [word.partition("=")[0] for word in words if word.startswith("-")]
         lines = [f"{self.prog}: error: {message}"]
@@ -64,12 +72,15 @@ class Parser(argparse.ArgumentParser):
         missing = self._missing_plugin(unrecognized)
         lines += [f"  {missing}"] * bool(missing)
         file = next((word for word in self.arguments if word.endswith(".pbtxt")), "")
-        if file and message.startswith("argument COMMAND:"):
+        if file and is_command:
             import shlex
 
             lines.append(f"  to run a file: {self.prog} --config {shlex.quote(file)}")
         lines.append(f"  see: {self.prog} --help")
-        sys.stderr.write("\n".join(lines) + "\n")
+        from joshua.supervisor.tables import Screen
+
+        screen = Screen.of(sys.stderr)
+        sys.stderr.writelines(f"{piece}\n" for line in lines for piece in screen.wrap(line, indent=4))
         sys.exit(ExitCode.NOT_INSTALLED if missing else ExitCode.INVALID)
 
     def commands(self) -> dict[str, Parser]:

@@ -171,7 +171,7 @@ class ActuatorNode(NodeBehaviour):
 
     @verb(moves=True, runs="activation")
     def resume(self) -> str:
-        """Ends a fault: checks the device as at the start, and energises it."""
+        """End a fault: check the device as at the start, and energise it."""
         actuator, _ = self._device()
         name = self.context.spec.full_name
         if not self._is_commanded:
@@ -200,7 +200,7 @@ class ActuatorNode(NodeBehaviour):
 
     @verb(moves=True)
     def release_override(self) -> str:
-        """Ends an override and returns control to the leader or model of the file."""
+        """End an override and return control to the leader or model of the file."""
         name, commanders = self.context.spec.full_name, self._commanders
         if commanders is None or not commanders.overriding:
             raise RefusedError(f"{name} has no override to release")

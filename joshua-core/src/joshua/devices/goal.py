@@ -96,7 +96,7 @@ class GoalGenerator:
 
     @verb(moves=False, sets="speed_scale")
     def limit_speed(self, request: SpeedScale) -> str:
-        """Limits the joints to a share of their speed limits, above 0 and at most 1."""
+        """Limit the joints to a share of their speed limits, above 0 and at most 1."""
         if not 0.0 < request.scale <= 1.0:
             raise RefusedError(f"scale is {request.scale:g}; it must be above 0 and at most 1")
         self.speed_scale_parameter = request.scale

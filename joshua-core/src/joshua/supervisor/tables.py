@@ -29,7 +29,7 @@ _STATES = {"failed": RED, "killed": RED, "fault": RED, "restarting": YELLOW, "re
 _HOUSEKEEPING = ("/diagnostics", "/rosout", "/parameter_events")
 
 _GAP = "  "
-_NO_BREAK = "\N{NO-BREAK SPACE}"  # in a cell; printed as a space
+NO_BREAK = "\N{NO-BREAK SPACE}"  # in a cell; printed as a space
 _NARROWEST = 12  # minimum width of a shortened or wrapped column
 _WRAPPED = 28  # columns are dropped before a wrapped one becomes narrower than this
 _CONTROL = {code: f"\\x{code:02x}" for code in (*range(32), 127, *range(128, 160)) if code not in (9, 10)}
@@ -54,7 +54,7 @@ class Screen:
 
     def paint(self, text: str, style: str) -> str:
         """A text in a style such as ``RED``."""
-        text = text.replace(_NO_BREAK, " ")
+        text = text.replace(NO_BREAK, " ")
         return f"\x1b[{style}m{text}\x1b[0m" if self.colour and style else text
 
     def wrap(self, text: str, label: str = "", style: str = "", indent: int = 2) -> list[str]:
@@ -251,10 +251,10 @@ def _rate_cells(node: NodeStatus, full_topics: bool) -> list[Cell]:
         whole = f"~/{topic.removeprefix(own)}" if topic.startswith(own) else topic
         name = whole if full_topics else topic.rpartition("/")[2]
         if rate_hz < LOW * target_hz:
-            rate = f"{rate_hz:.1f} of {target_hz:g} Hz!".replace(" ", _NO_BREAK)
+            rate = f"{rate_hz:.1f} of {target_hz:g} Hz!".replace(" ", NO_BREAK)
             cells.append(Cell.of(f"{name} {rate}", RED))
         else:
-            cells.append(Cell(clean(f"{name} {rate_hz:.1f}{_NO_BREAK}Hz")))
+            cells.append(Cell(clean(f"{name} {rate_hz:.1f}{NO_BREAK}Hz")))
     return cells
 
 

@@ -34,7 +34,7 @@ def check_bandwidth(host: Host) -> Iterator[DoctorResult]:
                 f"bus {bus}",
                 f"{len(places)} cameras share the {HIGH_SPEED_MBIT_S} Mbit/s of one bus; "
                 "uncompressed pictures of 640x480 at 30 Hz take 150 of them each",
-                'set pixel_format: "MJPG", or plug a camera into a socket of another bus (lsusb -t)',
+                'set pixel_format: "MJPG", or plug a camera into a socket of another bus (see `lsusb -t`)',
             )
 
 

@@ -195,7 +195,7 @@ class Recorder:
 
     @verb(moves=False, runs="beside")
     def keep(self) -> str:
-        """Keep the episode, ending it first where it is being recorded."""
+        """Keep the episode; one that is being recorded ends first."""
         with self._lock:
             steps = self._session.keep(time.monotonic())
             self._end_time()
@@ -235,7 +235,7 @@ class Recorder:
 
     @verb(moves=False, runs="beside")
     def status(self) -> RecorderStatus:
-        """Current state of the recorder."""
+        """Report the state of the recorder."""
         session, sampler, now_s = self._session, self._sampler, time.monotonic()
         folder = Path(self._settings.folder)
         return RecorderStatus(

@@ -126,7 +126,7 @@ def _together(path: str, motors: Sequence[FoundMotor]) -> Iterator[DoctorResult]
             NAME,
             path,
             f"motors have different line speeds: {text}",
-            "run joshua motors setup to set one line speed",
+            "run `joshua motors setup` to set one line speed",
         )
     models = {model for model, _ in versions}
     if len(versions) > len(models):

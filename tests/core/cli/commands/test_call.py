@@ -55,9 +55,8 @@ def test_a_model_is_unloaded_and_loaded_and_the_arm_holds_meanwhile(
     run = started(joshua)
     listed = joshua("call")
     assert (
-        "\n  release_override  Ends an override and returns control to the leader or model of the file. "
-        "(local only)\n  resume  Ends a fault: checks the device as at the start, and energises"
-        in listed.stdout
+        "\n  release_override  End an override and return control to the leader or model of the file. "
+        "(local only)\n  resume  End a fault: check the device as at the start, and energise" in listed.stdout
     )
     assert "  load  Load the model, which then acts again. (local only)\n" in listed.stdout
     assert "  unload  Unload the model;" in listed.stdout

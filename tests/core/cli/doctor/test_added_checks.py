@@ -78,7 +78,7 @@ def test_checks_that_cannot_be_loaded_are_a_finding(
     assert run(make_host(), "--no-scan") == 3
     out = capsys.readouterr().out
     assert "error    software: acme-rig: its checks cannot be loaded (ModuleNotFoundError" in out
-    assert "do: pip install --force-reinstall acme-rig" in out
+    assert "do: run `pip install --force-reinstall acme-rig`" in out
 
 
 def test_an_option_of_a_plugin_that_is_not_installed_names_it(

@@ -66,3 +66,15 @@ def test_what_is_in_the_way_first_decides_the_exit_code() -> None:
         "           second",
     ]
     assert summary([hardware, hardware]) == "2 errors"
+
+
+def test_a_command_is_wrapped_only_where_a_shell_reads_on() -> None:
+    remedy = (
+        'run `echo "ada - memlock unlimited" | sudo tee -a /etc/security/limits.d/joshua.conf`, then log in'
+    )
+    found = lines(DoctorResult(Level.NOTE, "c", "s", "found", remedy), Screen(80))
+    assert found[1:] == [
+        '         do: run `echo "ada - memlock unlimited" |',
+        "           sudo tee -a /etc/security/limits.d/joshua.conf`, then log in",
+    ]
+    assert lines(DoctorResult(Level.NOTE, "c", "s", "found", remedy))[1:] == [f"         do: {remedy}"]

@@ -29,9 +29,9 @@ def test_a_user_outside_the_group_is_told_how_to_join(tmp_path: Path, make_host:
     found = only(permissions.check(make_host({"etc/group": f"dialout:x:{number}:bob\n"})))
     assert found.level is Level.ERROR
     assert found.message == "-rw-rw----, group dialout: ada may not open it"
-    assert found.remedy == "sudo usermod -aG dialout ada, then log in again"
+    assert found.remedy == "run `sudo usermod -aG dialout ada`, then log in again"
     found = only(permissions.check(make_host({"etc/group": f"dialout:x:{number}:bob,ada\n"})))
-    assert found.remedy == "ada is in dialout already: log in again"
+    assert found.remedy == "log in again: ada is already in dialout"
 
 
 def test_a_port_that_lets_no_group_in_needs_a_rule(tmp_path: Path, make_host: MakeHost) -> None:
@@ -49,7 +49,7 @@ def test_a_slow_latency_timer_is_named_with_the_file(tmp_path: Path, make_host: 
     found = only(latency_timer.check(make_host({file: "16\n"})))
     assert found.level is Level.WARNING
     assert "holds bytes back for up to 16 ms" in found.message
-    assert found.remedy.startswith(f"echo 1 | sudo tee /{file}")
+    assert found.remedy.startswith(f"run `echo 1 | sudo tee /{file}")
     assert only(latency_timer.check(make_host({file: "1\n"}))).level is Level.OK
 
 

@@ -50,9 +50,9 @@ def check_software(host: Host) -> Iterator[DoctorResult]:
     for row in load_registry().rows():
         if row.status in (PluginStatus.BROKEN, PluginStatus.CONFLICT):
             remedy = (
-                installing.reinstall(row.distribution)
+                f"run `{installing.reinstall(row.distribution)}`"
                 if row.status is PluginStatus.BROKEN
-                else "uninstall one of the plugins in conflict, which joshua plugins names"
+                else "uninstall one of the plugins in conflict: `joshua plugins` lists them"
             )
             reasons, code = "; ".join(row.reasons), ExitCode.NOT_INSTALLED
             yield DoctorResult(Level.ERROR, SOFTWARE, row.distribution, reasons, remedy, code)
@@ -65,7 +65,7 @@ def check_software(host: Host) -> Iterator[DoctorResult]:
 
 def _upgrade(distribution: str) -> str:
     command = installing.upgrade(distribution)
-    return command.replace("--upgrade", f"--upgrade {installing.CORE}", 1)
+    return f"run `{command.replace('--upgrade', f'--upgrade {installing.CORE}', 1)}`"
 
 
 def _series(version: str) -> list[str]:
@@ -95,7 +95,7 @@ def check_realtime(host: Host) -> Iterator[DoctorResult]:
             check,
             host.user,
             f"not granted ({found[1]}): a busy machine {effect}",
-            f'echo "{host.user} - {line}" | sudo tee -a {LIMITS_FILE}, then log in again',
+            f'run `echo "{host.user} - {line}" | sudo tee -a {LIMITS_FILE}`, then log in again',
         )
 
 
@@ -110,16 +110,16 @@ def check_shared_memory(host: Host, least_mib: float = LEAST_MIB) -> Iterator[Do
     if not (host.root / "proc").is_dir():
         return  # not Linux: shared memory has no folder there
     if not folder.is_dir():
-        found = (Level.ERROR, "does not exist", "mount it: sudo mount -t tmpfs -o size=512m tmpfs /dev/shm")
+        found = (Level.ERROR, "does not exist", "run `sudo mount -t tmpfs -o size=512m tmpfs /dev/shm`")
     elif not os.access(folder, os.W_OK):
-        found = (Level.ERROR, "is not writable", "sudo chmod 1777 /dev/shm")
+        found = (Level.ERROR, "is not writable", "run `sudo chmod 1777 /dev/shm`")
     elif (free_mib := shutil.disk_usage(folder).free / 2**20) >= least_mib:
         found = (Level.OK, f"{free_mib:.0f} MiB free", "")
     else:
         found = (
             Level.WARNING,
             f"only {free_mib:.0f} MiB are free; images of several cameras need {least_mib:.0f} MiB",
-            "remove what lies there, or make it larger; in a container: docker run --shm-size=512m",
+            "remove files there, or enlarge it; in a container: `docker run --shm-size=512m`",
         )
     level, message, remedy = found
     yield DoctorResult(level, SHARED_MEMORY, PLACE, message, remedy)
@@ -140,6 +140,6 @@ def _load(point: metadata.EntryPoint) -> Any:
     except (Exception, SystemExit) as error:  # noqa: BLE001 - code of a third party
         name = point.dist.name if point.dist else point.name
         text = f"its checks cannot be loaded ({type(error).__name__}: {error})"
-        remedy = installing.reinstall(name)
+        remedy = f"run `{installing.reinstall(name)}`"
         problem = DoctorResult(Level.ERROR, SOFTWARE, name, text, remedy, ExitCode.NOT_INSTALLED)
         return SimpleNamespace(CHECKS=(lambda _host: [problem],))

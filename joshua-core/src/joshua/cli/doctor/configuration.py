@@ -56,7 +56,7 @@ def check_actuator(spec: NodeSpec, further: Sequence[Any] = ()) -> Iterator[Doct
         actuator.read()
         results = list(_diagnosed(name, actuator))
         if getattr(actuator.settings, "calibration", spec) is None:
-            remedy = "calibrate it: joshua calibrate --config FILE"
+            remedy = "run `joshua calibrate --config FILE`"
             results.append(
                 DoctorResult(Level.WARNING, NAME, name, "is not calibrated, so its torque stays off", remedy)
             )
@@ -67,7 +67,7 @@ def check_actuator(spec: NodeSpec, further: Sequence[Any] = ()) -> Iterator[Doct
         from joshua.cli.running import node_that_holds
 
         running = node_that_holds(error.processes)
-        found = (Level.NOTE, f"was not checked: {running}") if running else (Level.ERROR, str(error))
+        found = (Level.NOTE, f"not checked: {running}") if running else (Level.ERROR, str(error))
         yield DoctorResult(found[0], NAME, name, found[1])
     except DeviceError as error:
         yield DoctorResult(Level.ERROR, NAME, name, str(error))
@@ -83,7 +83,7 @@ def _diagnosed(name: str, actuator: Any) -> Iterator[DoctorResult]:
         values = [f"{row.values[value]} {unit}" for value, unit in _SHOWN if value in row.values]
         figures = f" ({', '.join(values)})" if values else ""
         level = Level.WARNING if row.level == WARN else Level.ERROR
-        remedy = "look for the cause: a blocked joint, heat, the power supply, a loose cable"
+        remedy = "find the cause: a blocked joint, heat, the power supply, a loose cable"
         yield DoctorResult(level, NAME, f"{name} {row.name}", f"{row.message}{figures}", remedy)
 
 

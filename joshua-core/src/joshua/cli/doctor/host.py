@@ -90,10 +90,10 @@ def may_open(host: Host, path: str) -> DoctorResult:
     group = host.group_name(status.st_gid)
     found = f"{stat.filemode(status.st_mode)}, group {group}: {host.user} may not open it"
     if not _allows(status.st_mode, False, True):
-        return error(found, "install the rules that joshua doctor --udev prints, and plug it in again")
+        return error(found, "install the rules of `joshua doctor --udev`, then plug it in again")
     if host.user in host.members(group):
-        return error(f"{found} in this session", f"{host.user} is in {group} already: log in again")
-    return error(found, f"sudo usermod -aG {group} {host.user}, then log in again")
+        return error(f"{found} in this session", f"log in again: {host.user} is already in {group}")
+    return error(found, f"run `sudo usermod -aG {group} {host.user}`, then log in again")
 
 
 def _allows(mode: int, is_owner: bool, is_member: bool) -> bool:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import Enum
 from typing import Any
 
 from joshua.cli.exit_codes import ExitCode
-from joshua.supervisor.tables import GREEN, PLAIN, RED, YELLOW, Screen, clean
+from joshua.supervisor.tables import GREEN, NO_BREAK, PLAIN, RED, YELLOW, Screen
 
 
 class Level(str, Enum):
@@ -54,8 +55,17 @@ def lines(result: DoctorResult, screen: Screen = PLAIN) -> list[str]:
     label = screen.paint(f"{result.level.value:<{_WIDTH}}", _STYLES.get(result.level, ""))
     text = [f"{label}  {first}", *(f"{indent}  {line.strip()}" for line in rest)]
     if result.remedy:
-        text.append(clean(f"{indent}do: {result.remedy}"))  # in one line, so that a command can be copied
+        remedy = _COMMAND.sub(_copyable, f"do: {result.remedy}")
+        text += [f"{indent}{line}".replace(NO_BREAK, " ") for line in inner.wrap(remedy)]
     return text
+
+
+_COMMAND = re.compile("`[^`]*`")
+
+
+def _copyable(command: re.Match[str]) -> str:
+    """A command that is wrapped only where a shell continues with the next line."""
+    return re.sub("(?<![|&]) ", NO_BREAK, command[0])
 
 
 def summary(results: Sequence[DoctorResult]) -> str:

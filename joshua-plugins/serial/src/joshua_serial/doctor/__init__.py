@@ -58,7 +58,7 @@ def check_name(spec: NodeSpec, settings: Any) -> Iterator[DoctorResult]:
             "devices",
             spec.full_name,
             f"names its port by path, {settings.port}, which may change when it is plugged in again",
-            f"run joshua find-port --write CONFIG --node {spec.name}",
+            f"run `joshua find-port --write CONFIG --node {spec.name}`",
         )
 
 

@@ -12,8 +12,8 @@ NAME = "brltty"
 # Ids that servo adapters share with braille displays: CH340, CP2102, FT232.
 SHARED_IDS = ("1a86:7523", "10c4:ea60", "0403:6001")
 REMEDY = (
-    "sudo apt remove brltty, or sudo systemctl mask --now brltty-udev.service brltty.service; "
-    "then plug it in again"
+    "run `sudo apt remove brltty`, or `sudo systemctl mask --now brltty-udev brltty`, then plug the adapter "
+    "in again"
 )
 
 

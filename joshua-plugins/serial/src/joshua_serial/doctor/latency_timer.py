@@ -29,6 +29,6 @@ def check(host: Host) -> Iterator[DoctorResult]:
             NAME,
             entry.path,
             f"the adapter holds bytes back for up to {text} ms, so a bus cycle takes at least that long",
-            f"echo {LONGEST_MS} | sudo tee /{file}; to make it permanent, install the rules of joshua "
-            "doctor --udev",
+            f"run `echo {LONGEST_MS} | sudo tee /{file}`; to make it permanent, install the rules of "
+            "`joshua doctor --udev`",
         )

@@ -19,12 +19,12 @@ def check(host: Host) -> Iterator[DoctorResult]:
     for entry in list_ports(str(host.root)):
         vendor, _, product = entry.vid_pid.partition(":")
         if any(vendor in line and (product in line or "idProduct" not in line) for line in lines):
-            yield DoctorResult(Level.OK, NAME, entry.path, "leaves this adapter alone")
+            yield DoctorResult(Level.OK, NAME, entry.path, "ignores this adapter")
             continue
         yield DoctorResult(
             Level.WARNING,
             NAME,
             entry.path,
             "ModemManager is running and probes each new port for some seconds to find modems",
-            "install the rules of joshua doctor --udev, or sudo systemctl disable --now ModemManager",
+            "install the rules of `joshua doctor --udev`, or run `sudo systemctl disable --now ModemManager`",
         )
