@@ -56,7 +56,7 @@ def test_a_checkpoint_is_fetched_once_and_then_known_offline(served: Hub, tmp_pa
         (
             "acme/gated",
             (),
-            "The hub does not give acme/gated to you (403): its owner must grant access. Ask for",
+            "The hub refuses access to acme/gated (403): its owner must grant it. Ask for",
         ),
         ("acme/none", (), "The hub has no checkpoint acme/none, or it is private (401). Correct the name."),
         ("acme/plain", ("--revision", "v9"), "acme/plain has no revision 'v9' on the hub. Correct revision"),

@@ -287,7 +287,7 @@ def test_a_torn_checkpoint_says_so(learner: Callable[..., Learner], name: str, h
     kept = made.save()
     content = (kept / name).read_bytes()
     (kept / name).write_bytes(content[: len(content) // 2]) if how == "torn" else (kept / name).unlink()
-    with pytest.raises(RunError, match=r"cannot be used: .*: remove it, and an older one is taken"):
+    with pytest.raises(RunError, match=r"cannot be used: .*: remove it to continue from an older one"):
         learner(kept)
 
 

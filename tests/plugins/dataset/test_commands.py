@@ -61,7 +61,7 @@ def test_record_without_a_run(
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setenv("JOSHUA_RUN_DIR", str(tmp_path))
     assert run(record, "start") == 1
-    assert "no recorder runs: start a file with a data_store block" in capsys.readouterr().err
+    assert "no recorder is running: start a file with a data_store block" in capsys.readouterr().err
     assert run(record, "start", "now") == 2
     assert capsys.readouterr().err == "joshua record start: only `task` takes a text\n"
 

@@ -364,7 +364,7 @@ def test_a_model_gets_the_pictures_that_it_needs(toy: None, tmp_path: Path, rand
     [
         ("reads_task: true", "does nothing without a task: add task"),
         ('fault: "loading"', "the toy policy has no weights: train it first"),
-        ('fault: "nan" chunk_steps: 5', "gave an action that is not a number at step 10"),
+        ('fault: "nan" chunk_steps: 5', "returned an action that is not a number at step 10"),
     ],
 )
 def test_a_model_that_cannot_be_judged_says_why(

@@ -65,7 +65,7 @@ def test_the_environment_of_the_checkpoint_is_proposed(tmp_path: Path, random_po
 def test_an_evaluation_on_a_robot_is_refused_with_the_reason(tmp_path: Path, random_policy: Path) -> None:
     found = errors(tmp_path, random_policy, head="environment: ENV_REAL")
     (error,) = (item for item in found if item.field_path == "ai.training.environment")
-    if "nothing resets the scene" not in error.message:
+    if "a person must reset the scene" not in error.message:
         pytest.fail(error.message)
     assert "MODE_INFERENCE" in error.remedy
 
@@ -103,7 +103,7 @@ def torn(folder: Path, policy: Path, change: str) -> Path:
         ("weights", "is incomplete: it has no policy.safetensors"),
         ("json", "policy.json is truncated or not JSON"),
         ("foreign", "was not written by a trainer of JOSHUA"),
-        ("nothing", "holds neither a run (run.json), nor a policy of a trainer (policy.json)"),
+        ("nothing", "contains neither a run (run.json), nor a policy of a trainer (policy.json)"),
     ],
 )
 def test_files_that_are_torn_or_foreign_are_refused_at_their_line(

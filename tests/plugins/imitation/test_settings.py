@@ -89,7 +89,7 @@ def test_a_loss_that_a_policy_does_not_have_is_refused_at_its_line(
         ("lora_rank: 8", "lora_rank", "no effect with the policy act: it belongs to smolvla"),
         ('policy_type: "smolvla"', "policy_type", "it requires a checkpoint to start from"),
         ('policy_type: "diffusion" chunk_size: 12', "chunk_size", "so 12 does not fit"),
-        ("chunk_size: 8 actions_per_chunk: 9", "actions_per_chunk", "A chunk of 8 actions has no 9"),
+        ("chunk_size: 8 actions_per_chunk: 9", "actions_per_chunk", "A chunk has 8 actions, so 9"),
         ("image_width: 64", "image_width", "image_width is set without image_height"),
         ('device: "cpu" precision: "float16"', "precision", "float16 requires cuda"),
         ('cameras: ["tpo"]', "cameras", "has no pictures of a camera 'tpo'"),

@@ -286,7 +286,7 @@ def test_actions_that_cannot_be_sent_fail_the_node(model: Any, chunk: Any, messa
         ),
         (
             {"subscriptions": (TopicSpec(name="/text", type_name="std_msgs/msg/String"),)},
-            "/policy cannot observe std_msgs/msg/String on /text: it holds no numbers",
+            "/policy cannot observe std_msgs/msg/String on /text: it contains no numbers",
         ),
     ],
 )

@@ -264,7 +264,7 @@ def test_a_size_of_pictures_that_the_model_cannot_cut_names_the_nearest(tmp_path
     ((message, field, remedy),) = findings(
         write_robot(tmp_path / "robot.pbtxt", "act", model_type="SMOLVLA", block=block)
     )
-    assert "in squares of 64 pixels, and 250 is no multiple" in message
+    assert "into squares of 64 pixels, but 250 is not a multiple" in message
     assert field == "ai.models[0].smolvla_config.picture_size"
     assert remedy == "Write picture_size: 256."
 

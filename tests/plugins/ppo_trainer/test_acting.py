@@ -109,7 +109,7 @@ def test_the_preset_is_planned_without_its_libraries() -> None:
                 "policy.json": '{"features": {"action": {}, "observation.cube": {}}, "environment": "a/b"}',
                 "policy.onnx": "",
             },
-            "The policy of a/b observes observation.cube, which a robot does not show",
+            "The policy of a/b observes observation.cube, which a robot does not measure",
             "Name a policy of joshua/SoArm100Reach-v0",
         ),
     ],

@@ -63,9 +63,7 @@ print(sorted({{"torch", "stable_baselines3", "gymnasium", "numpy", "safetensors"
 def test_learning_on_a_robot_is_refused_with_the_reason(tmp_path: Path) -> None:
     text = training(head="environment: ENV_REAL")
     (error,) = (e for e in errors(tmp_path, text) if e.field_path == "ai.training.environment")
-    assert error.message.startswith(
-        "Reinforcement learning does not run on a robot here: it explores by random"
-    )
+    assert error.message.startswith("JOSHUA runs no reinforcement learning on a robot: it explores by random")
     assert error.allowed == ("ENV_SIMULATION",)
     assert "METHOD_IMITATION" in error.remedy
     assert error.position.line == 6

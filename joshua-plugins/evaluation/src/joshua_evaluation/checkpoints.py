@@ -83,9 +83,9 @@ def recognise(path: Path, given: str, block: str = "") -> Checkpoint | None:
     if inner is not None:
         return Checkpoint(str(inner), LEROBOT)
     raise CheckpointError(
-        f"{path} holds neither a run (run.json), nor a policy of a trainer ({ABOUT}), nor one of LeRobot "
+        f"{path} contains neither a run (run.json), nor a policy of a trainer ({ABOUT}), nor one of LeRobot "
         f"({CONFIG})",
-        "Name a folder that does, or say by plugin_config which model plugin runs it",
+        "Name a folder that does, or name the model plugin that runs it in plugin_config",
     )
 
 

@@ -180,7 +180,7 @@ class Evaluation(RunNode):
                     )
                     caption = _caption(label, judged, index)
                     if abs(again.rewards.sum() - episode.rewards.sum()) > 1e-6:
-                        caption += "; played again, it went differently"
+                        caption += "; its replay differed"
                     clips.append(report.Clip(as_mp4(pictures, 1 / arena.period_s), caption))
         finally:
             player.close()

@@ -41,8 +41,8 @@ class PolicyPlayer:
             if key not in shown or list(shown[key].shape) != list(feature["shape"]):
                 has = list(shown[key].shape) if key in shown else "nothing"
                 raise CheckpointError(
-                    f"{self._checkpoint} sees {key} of shape {feature['shape']}, but the environment "
-                    f"shows {has}",
+                    f"{self._checkpoint} expects {key} of shape {feature['shape']}, but the environment "
+                    f"provides {has}",
                     "Name a checkpoint that was trained in this environment",
                 )
         if len(policy.about["action_low"]) != arena.action_space.shape[0]:
@@ -190,7 +190,7 @@ class ModelPlayer:
             actions = self._model.continue_chunk(observation, request)
         actions = np.asarray(actions, np.float64)
         if not np.isfinite(actions).all():
-            raise ModelError(f"{self._offer.block} gave an action that is not a number at step {step}")
+            raise ModelError(f"{self._offer.block} returned an action that is not a number at step {step}")
         return step, actions
 
 
@@ -210,10 +210,10 @@ def _cameras(needs: ModelNeeds) -> dict[str, Any]:
     sizes = {feature.shape[:2] for feature in wanted if 0 not in feature.shape[:2]}
     if len(sizes) > 1:
         raise CheckpointError(
-            "The model sees pictures of several sizes "
+            "The model expects pictures of several sizes "
             f"({', '.join(f'{width} × {height}' for height, width in sorted(sizes))}), but an environment "
-            "draws all in one",
-            "Evaluate weights whose cameras are alike",
+            "renders all of them in one size",
+            "Evaluate a policy whose cameras have one size",
         )
     height, width = sizes.pop() if sizes else VIDEO_SIZE[::-1]
     names = tuple(feature.key.removeprefix(IMAGES) for feature in wanted)

@@ -98,8 +98,8 @@ class EvaluationSettings(RunSettings):
         if self.environment == "ENV_REAL":
             raise FieldError(
                 "environment",
-                "An evaluation does not run on a robot here, because nothing resets the scene between its "
-                "episodes and nothing but a person can tell whether one succeeded",
+                "JOSHUA runs no evaluation on a robot, because a person must reset the scene between "
+                "episodes and judge whether each one succeeded",
                 allowed=("ENV_SIMULATION",),
                 remedy="Evaluate in simulation, or run the model with MODE_INFERENCE and mark each episode: "
                 "`joshua call NODE begin_episode` and `joshua call NODE end_episode success=true`",

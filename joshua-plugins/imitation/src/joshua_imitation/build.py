@@ -56,8 +56,8 @@ def build(settings: ImitationSettings, continued: Path | None = None) -> Built:
             read_checkpoint(continued / POLICY)
         except CheckpointError as error:
             raise RunError(
-                f"the checkpoint {continued} cannot be used: {error.message}: remove it, and an older one is "
-                "taken"
+                f"the checkpoint {continued} cannot be used: {error.message}: remove it to continue from an "
+                "older one"
             ) from error
     torch.manual_seed(settings.seed)
     dataset = open_dataset(settings.dataset)

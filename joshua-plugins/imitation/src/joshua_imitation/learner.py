@@ -259,7 +259,7 @@ class Learner:
             if memory and set(memory) - set(
                 range(sum(len(group["params"]) for group in whole["param_groups"]))
             ):
-                raise ValueError("it remembers more weights than the policy has")
+                raise ValueError("its optimiser has more weights than the policy")
             whole["state"] = memory
             parts.optimiser.load_state_dict(whole)
             for group, rate in zip(parts.optimiser.param_groups, state["learning_rates"], strict=True):
@@ -289,7 +289,7 @@ def read_state(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
             raise ValueError(f"{STATE} has no steps")
     except (OSError, ValueError, SafetensorError) as error:
         raise RunError(
-            f"the checkpoint {folder} cannot be used: {error}: remove it, and an older one is taken"
+            f"the checkpoint {folder} cannot be used: {error}: remove it to continue from an older one"
         ) from error
     return arrays, state
 

@@ -74,7 +74,7 @@ class ImitationTrainer(LearningNode):
             self._learner.restore(continued)
             self.continue_after(continued)
         self.context.log.info(
-            "%s: %d weights learn from %d frames of %d episodes; %d episodes are kept back",
+            "%s: training %d weights on %d frames of %d episodes; %d episodes are for validation",
             *(settings.policy_type, made.weights, made.frames, made.learned, made.kept_back),
         )
 

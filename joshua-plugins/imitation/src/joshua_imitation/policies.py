@@ -338,12 +338,13 @@ def without_memory(settings: ImitationSettings, device: str) -> RunError:
         half = settings.batch_size // 2
         more = settings.accumulation_steps * -(-settings.batch_size // half)
         remedy = (
-            f"set batch_size: {half} and accumulation_steps: {more}, which takes half and learns the same"
+            f"set batch_size: {half} and accumulation_steps: {more}, which needs half the memory and learns "
+            "the same"
         )
     elif settings.precision == "float32" and device != "cpu":
-        remedy = 'set precision: "bfloat16", which takes about half'
+        remedy = 'set precision: "bfloat16", which needs about half the memory'
     else:
-        remedy = "halve image_width and image_height, which takes a quarter for pictures, or hidden_size"
+        remedy = "halve image_width and image_height, which needs a quarter for pictures, or hidden_size"
     return RunError(
         f"the memory of {device} is too small for a batch of {settings.batch_size}: {remedy}, and "
         "continue with resume_run"

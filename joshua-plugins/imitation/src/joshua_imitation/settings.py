@@ -176,7 +176,7 @@ class ImitationSettings(RunSettings):
         if self.actions_per_chunk and self.chunk_size and self.actions_per_chunk > self.chunk_size:
             yield _error(
                 "actions_per_chunk",
-                f"A chunk of {self.chunk_size} actions has no {self.actions_per_chunk} to execute",
+                f"A chunk has {self.chunk_size} actions, so {self.actions_per_chunk} cannot be executed",
                 remedy="make it smaller, or raise chunk_size",
             )
         if (self.image_width is None) != (self.image_height is None):
@@ -225,8 +225,8 @@ class ImitationSettings(RunSettings):
         if lacks:
             yield _error(
                 "dataset_name",
-                f"{self.dataset} has no {' and no '.join(lacks)}, and {self.policy_type} learns from them; "
-                f"it has {', '.join(features)}",
+                f"{self.dataset} has no {' and no '.join(lacks)}, which {self.policy_type} requires; it has "
+                f"{', '.join(features)}",
                 remedy="record an arm and a camera, or name another data set",
             )
         for camera in self.cameras:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from joshua.tools import RunningSystem
 
-SUMMARY = "begin episodes of a running model and mark their success; without an action, by keys"
+SUMMARY = "begin episodes of a running model and mark their success; without an action, with keys"
 
 #: Verb and request of each action.
 ACTIONS: dict[str, tuple[str, dict[str, Any]]] = {

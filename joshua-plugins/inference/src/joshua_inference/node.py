@@ -135,7 +135,8 @@ class InferenceNode(NodeBehaviour):
         for topic in spec.subscriptions:
             if not holds_numbers(topic.type_name):
                 raise ModelError(
-                    f"{spec.full_name} cannot observe {topic.type_name} on {topic.name}: it holds no numbers"
+                    f"{spec.full_name} cannot observe {topic.type_name} on {topic.name}: it contains no "
+                    "numbers"
                 )
             if topic.type_name == COMPRESSED_IMAGE:
                 try:
@@ -319,9 +320,9 @@ class InferenceNode(NodeBehaviour):
         age_s = (self.context.now_ns() - observation.stamp_ns) / 1e9
         if late and self._loop.figures().queue == 0:
             self._say_once(
-                f"every step of a chunk was late: its observation was {age_s:.2f} s old on arrival. Take a "
-                "faster device or longer chunks. If the observation comes from another machine, synchronise "
-                "the clocks"
+                f"every step of a chunk was late: its observation was {age_s:.2f} s old on arrival. Use a "
+                "faster device or longer chunks. If the observation comes from another machine, "
+                "synchronise the clocks"
             )
 
     def _loaded(self) -> Model:

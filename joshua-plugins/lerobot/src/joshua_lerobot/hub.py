@@ -104,7 +104,7 @@ def _refused(name: str, revision: str, error: Exception) -> CheckpointError:
         cause = cause.__cause__ or cause.__context__
     if "GatedRepoError" in names or status == 403:
         return CheckpointError(
-            f"The hub does not give {name} to you (403): its owner must grant access",
+            f"The hub refuses access to {name} (403): its owner must grant it",
             f"Ask for access on the page of {name}, then run `hf auth login` as the user of the robot, or "
             "set HF_TOKEN",
         )

@@ -135,8 +135,7 @@ def out_of_memory(device: Any) -> ModelError:
     """Return what to do without enough memory."""
     return ModelError(
         f'The memory of {device} is too small for the policy. Set compute {{ precision: "bfloat16" }}, '
-        "which "
-        "takes half, lower picture_size, or end other programs that use it"
+        "which needs half, lower picture_size, or end other programs that use it"
     )
 
 

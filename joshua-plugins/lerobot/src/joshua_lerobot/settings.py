@@ -253,7 +253,7 @@ class PolicySettings(ModelSettings):
                 "Add the camera to the robot",
             )
         if self.absent_cameras and set(cameras) == set(self.absent_cameras):
-            raise self._error("absent_cameras", "The policy would see nothing", "Keep one camera at least")
+            raise self._error("absent_cameras", "The policy would have no camera", "Keep one camera at least")
         if self.denoising_steps and kind not in DENOISING:
             raise self._error("denoising_steps", f"A policy of type {kind!r} does not denoise", "Remove it")
         if self.picture_size and "resize_imgs_with_padding" not in config:
@@ -264,8 +264,8 @@ class PolicySettings(ModelSettings):
             nearest = max(_PICTURE_STEP, round(self.picture_size / _PICTURE_STEP) * _PICTURE_STEP)
             raise self._error(
                 "picture_size",
-                f"The policy sees pictures in squares of {_PICTURE_STEP} pixels, and {self.picture_size} is "
-                "no multiple",
+                f"The policy divides pictures into squares of {_PICTURE_STEP} pixels, but "
+                f"{self.picture_size} is not a multiple",
                 f"Write picture_size: {nearest}",
             )
         longest = int(config.get("chunk_size") or config.get("n_action_steps") or 0)

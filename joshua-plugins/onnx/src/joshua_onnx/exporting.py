@@ -202,7 +202,7 @@ def _mlp(checkpoint: Checkpoint) -> Callable[[dict[str, Any]], Any]:
         raise CheckpointError(
             f"{checkpoint.folder} is not a network of layers.0 to layers.N with the activation "
             f"{', '.join(activations)}",
-            "Save it as the guide «Models» says",
+            "Save it as the guide “Models” says",
         )
     clip, low, high = (config.get(name) for name in ("clip_observation", "action_low", "action_high"))
 

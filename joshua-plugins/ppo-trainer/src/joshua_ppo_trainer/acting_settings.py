@@ -88,7 +88,7 @@ class PpoPolicySettings(ModelSettings):
             raise FieldError(
                 "",
                 f"The policy of {about['environment']} observes {', '.join(unseen) or 'no joints'}, which a "
-                "robot does not show",
+                "robot does not measure",
                 remedy="Name a policy of joshua/SoArm100Reach-v0, or evaluate this one in simulation",
             )
         names = tuple(about["features"][STATE]["names"])

@@ -127,6 +127,6 @@ def read(folder: Path) -> tuple[Arrays, Arrays, dict[str, Any]]:
             raise ValueError(f"{STATE} has no steps")
     except (OSError, ValueError, SafetensorError) as error:
         raise RunError(
-            f"the checkpoint {folder} cannot be used: {error}: remove it, and an older one is taken"
+            f"the checkpoint {folder} cannot be used: {error}: remove it to continue from an older one"
         ) from error
     return policy, training, state

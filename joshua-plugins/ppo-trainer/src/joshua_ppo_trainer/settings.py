@@ -85,8 +85,9 @@ class TrainerSettings(RunSettings):
         if self.environment == "ENV_REAL":
             raise FieldError(
                 "environment",
-                "Reinforcement learning does not run on a robot here: it explores by random motions, takes "
-                "thousands of episodes, and requires someone to reset the scene and judge success after each",
+                "JOSHUA runs no reinforcement learning on a robot: it explores by random motions, takes "
+                "thousands of episodes, and requires someone to reset the scene and judge success after "
+                "each",
                 allowed=("ENV_SIMULATION",),
                 remedy="train in simulation, or from demonstrations with METHOD_IMITATION",
             )

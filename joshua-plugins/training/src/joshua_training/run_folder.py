@@ -65,7 +65,7 @@ class RunFolder:
             folder = cls(path)
             folder.write_json("run.json", {**facts, "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")})
             return folder
-        raise RunError(f"{parent} contains 1000 runs of this second")
+        raise RunError(f"{parent} contains 1000 runs that started in this second")
 
     @classmethod
     def open(cls, path: Path) -> RunFolder:

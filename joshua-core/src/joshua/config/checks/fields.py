@@ -156,7 +156,7 @@ def _value(context: Context, facts: FieldFacts, path: str, value: Any) -> Iterat
         unset = facts.enum.values[0].name
         yield context.error(
             "not-chosen",
-            f"{facts.name} must be chosen; {unset} means «not chosen»",
+            f"{facts.name} must be chosen; {unset} means “not chosen”",
             path,
             found=unset,
             allowed=facts.value_names(),

@@ -11,7 +11,7 @@ from typing import Any
 
 from joshua_dataset.commands import transfers
 
-SUMMARY = "look at, check, repair, change, upload and download data sets"
+SUMMARY = "show, check, repair, change, upload and download data sets"
 
 FORMATS = ("lerobot", "parquet", "csv", "jsonl")
 

@@ -20,7 +20,7 @@ NODE = "/data_store"
 ACTIONS = {
     "start": "start an episode; a stopped one is kept",
     "stop": "end the episode; then keep or discard it",
-    "keep": "keep the episode, ending it where it is being recorded",
+    "keep": "keep the episode; one that is being recorded ends first",
     "discard": "discard the episode that is being recorded or was stopped",
     "rerecord": "discard the episode and record it again",
     "task": "record another task from the next episode on",
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "text", nargs="?", default="", help="text of the task (default: the next task of the file)"
     )
-    parser.add_argument("--system", default="", help="file or process id, where several recorders run")
+    parser.add_argument("--system", default="", help="file or process id, if several recorders run")
     parser.add_argument(
         "--timeout", type=positive_seconds, default=30.0, metavar="SECONDS", help="how long to wait"
     )
@@ -79,7 +79,8 @@ def _system(word: str) -> RunningSystem:
             "unknown-node",
             "several recorders run: name one with --system FILE"
             if systems
-            else "no recorder runs: start a file with a data_store block, then run this in another terminal",
+            else "no recorder is running: start a file with a data_store block, then run this in another "
+            "terminal",
         )
     return systems[0]
 

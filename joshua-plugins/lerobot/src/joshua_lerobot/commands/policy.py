@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-SUMMARY = "look at checkpoints of policies, fetch and export them"
+SUMMARY = "show, download and export checkpoints of policies"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

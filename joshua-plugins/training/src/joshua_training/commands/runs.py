@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     for reading in (listed, show, compare):
         reading.add_argument(
-            "--format", choices=("text", "json"), default=argparse.SUPPRESS, help="form of the output"
+            "--format", choices=("text", "json"), default=argparse.SUPPRESS, help="output format"
         )
     prune = actions.add_parser("prune", help="remove old runs and checkpoints")
     _parent(prune)
@@ -171,7 +171,7 @@ def _compare(arguments: argparse.Namespace) -> int:
     if not different:
         lines += ["", "The settings are the same."]
     if differences:
-        rows = [("B LESS A", "DIFFERENCE", "INTERVAL", "BETTER", "WORSE", "P")]
+        rows = [("B - A", "DIFFERENCE", "INTERVAL", "BETTER", "WORSE", "P")]
         rows += [
             (
                 name,
@@ -194,9 +194,7 @@ def _prune(arguments: argparse.Namespace) -> int:
 
     parent = _existing(arguments.folder)
     if arguments.keep_checkpoints is None and arguments.older_than is None and not arguments.empty:
-        raise _WrongArgument(
-            "nothing is chosen to be removed: add --keep-checkpoints N, --older-than DAYS or --empty"
-        )
+        raise _WrongArgument("no criterion was given: add --keep-checkpoints N, --older-than DAYS or --empty")
     found = list(
         removals(
             find_runs(parent),
@@ -233,8 +231,8 @@ def _parent(parser: argparse.ArgumentParser) -> None:
 def _existing(folder: Path) -> Path:
     if not folder.is_dir():
         raise _WrongArgument(
-            f"there is no folder {folder}: name the output_folder of the training, which is runs beside its "
-            "file unless the file says otherwise"
+            f"there is no folder {folder}: name the output_folder of the training (default: runs beside its "
+            "file)"
         )
     return folder
 
