@@ -25,13 +25,13 @@ from joshua_calibration.track import Track
 
 TargetFactory = Callable[[], CalibrationTarget]
 
-#: How long the hand of the check takes, and how often it looks meanwhile.
+#: Duration of a motion of the hand, and period of the readings meanwhile.
 HAND_S, LOOK_EVERY_S = 0.8, 0.02
 
-#: A look that took so long may have missed a part of the way: the motion is made again, some times at most.
+#: A longer reading may have missed a part of the motion, which is then repeated, at most ``MOTIONS`` times.
 LONGEST_LOOK_S, MOTIONS = 0.15, 4
 
-#: Joints that so many looks find within so many ticks rest; a hand that was stalled may need so much longer.
+#: A joint within ``REST_TICKS`` for ``REST_LOOKS`` readings rests. A stalled hand may take ``OVERTIME_S`` longer.
 REST_LOOKS, REST_TICKS, OVERTIME_S = 8, 2, 10.0
 
 
@@ -45,12 +45,12 @@ def check_calibration_target(
 ) -> None:
     """Check a driver against the contract of ``joshua_calibration.target.CalibrationTarget``.
 
-    What the motors keep is overwritten and put back. Nothing gets torque, so an arm may sink: support it.
+    The check overwrites the stored values and restores them. Torque stays off, so support an arm that sinks.
 
     Args:
-        factory: makes a target that is not connected; each call a new one of the same device.
-        hand: moves the joints of an emulated device, see ``DeviceEmulator.guide``; a target's own ``hand``
-            is used where this is None. Without either the clause about motion is left out.
+        factory: makes a target that is not connected. Each call makes a new one of the same device.
+        hand: moves the joints of an emulated device, see ``DeviceEmulator.guide``. If None, the target's own
+            ``hand`` is used. Without either, the clause about motion is skipped.
         unplug: disconnects an open device. Without it, the clause about disconnection is skipped.
         timeout_s: how long the detection of a disconnection may take.
         only: names of the clauses to check, such as ``("stored",)`` while you fix one; empty for all.
@@ -62,7 +62,7 @@ def check_calibration_target(
     checklist = Checklist(name_of(factory, lambda target: target.disconnect()), only)
     checklist.run("constructor", lambda: lifecycle.check_constructor(factory, CalibrationTarget))
     if not checklist.run("description", clauses.description):
-        checklist.finish()  # what follows goes by it
+        checklist.finish()  # the other clauses rely on it
         return
     checklist.run("order", clauses.order)
     if checklist.run("connection", lambda: lifecycle.check_connection(factory)):
@@ -100,12 +100,12 @@ STATES: dict[str, Callable[[CalibrationTarget], object]] = {
 
 
 class _TargetClauses:
-    """One method for each clause; each makes its own target."""
+    """The clauses, one method each. Each method makes its own target."""
 
     def __init__(self, factory: TargetFactory, hand: Hand | None) -> None:
         self._factory = factory
         self._hand = hand
-        self.keeps = True  # until the device says that it keeps nothing
+        self.keeps = True  # until stored() returns None
 
     @staticmethod
     def use(target: CalibrationTarget) -> None:
@@ -115,7 +115,7 @@ class _TargetClauses:
         target.stored()
 
     def description(self) -> None:
-        """Motors are known without a connection, and fit into a calibration file."""
+        """The motors are known without a connection, and a calibration file can store them."""
         with lifecycle.made(self._factory) as target:
             motors = target.motors
         require(
@@ -136,7 +136,7 @@ class _TargetClauses:
             check_motor(motor)
 
     def order(self) -> None:
-        """Before connect there are motors and nothing else."""
+        """Before connect, only the motors are available."""
         with lifecycle.made(self._factory) as target:
             calls = {"raw_positions()": target.raw_positions, "release()": target.release}
             for when in ("before connect", "after disconnect"):
@@ -153,7 +153,7 @@ class _TargetClauses:
                 target.disconnect()
 
     def identity(self) -> None:
-        """The same device has the same identity each time."""
+        """The identity of a device is the same at each connection."""
         seen = []
         for _ in range(2):
             with lifecycle.opened(self._factory) as target:
@@ -166,7 +166,7 @@ class _TargetClauses:
         )
 
     def release(self) -> None:
-        """Torque can be taken off as often as one likes."""
+        """Release can be called repeatedly."""
         with lifecycle.opened(self._factory) as target:
             target.release()
             target.release()
@@ -180,7 +180,7 @@ class _TargetClauses:
                 check_positions(target.raw_positions(), target.motors)
 
     def motion(self) -> None:
-        """Each joint shows where the hand moves it, and the others stay."""
+        """The readings of a joint follow the hand that moves it, and the other joints keep theirs."""
         with lifecycle.opened(self._factory) as target:
             hand = self._hand or target.hand
             if hand is None:
@@ -192,7 +192,7 @@ class _TargetClauses:
                 self._watch(target, hand, index)
 
     def stored(self) -> None:
-        """What the motors keep is whole, or None."""
+        """The stored values are complete, or None."""
         with lifecycle.opened(self._factory) as target:
             kept, motors = target.stored(), target.motors
         self.keeps = kept is not None
@@ -217,7 +217,7 @@ class _TargetClauses:
             )
 
     def connect_writes_nothing(self) -> None:
-        """Opening and closing leaves in the motors what they kept."""
+        """Opening and closing leaves the stored values unchanged."""
         with lifecycle.opened(self._factory) as target:
             before = target.stored()
         with lifecycle.opened(self._factory) as target:
@@ -233,7 +233,7 @@ class _TargetClauses:
         )
 
     def store(self) -> None:
-        """What is stored is kept, in that motor alone, and shows in no encoder position."""
+        """The motor stores the value, and no other motor or encoder position changes."""
         with lifecycle.opened(self._factory) as target:
             old = target.stored()
             motors = target.motors
@@ -267,7 +267,7 @@ class _TargetClauses:
                 )
 
     def refused_values(self) -> None:
-        """A motor that is not there is refused; what a motor cannot keep is, before anything is written."""
+        """An absent motor, and a value that a motor cannot store, are refused before anything is written."""
         with lifecycle.opened(self._factory) as target:
             old, motors = target.stored(), target.motors
             if old is None:
@@ -301,7 +301,7 @@ class _TargetClauses:
                 )
 
     def misfits(self) -> None:
-        """What does not fit is said in sentences, without a connection."""
+        """Misfits are reported as sentences, without a connection."""
         with lifecycle.made(self._factory) as target:
             motors = [
                 MotorCalibration(id=m.id, joint_name=m.joint_name, range_max=m.ticks_per_turn - 1)
@@ -316,7 +316,7 @@ class _TargetClauses:
         )
 
     def instances(self) -> None:
-        """Two targets share nothing."""
+        """Two targets share no state."""
         why = "a robot may have two arms of the same kind"
         cause = "state is kept on the class or in the module instead of the instance"
         with lifecycle.made(self._factory) as first, lifecycle.made(self._factory) as second:
@@ -326,7 +326,7 @@ class _TargetClauses:
                 second.raw_positions()
 
     def _other(self, target: CalibrationTarget) -> TargetFactory:
-        """Make a new target of the device once the open one has let it go."""
+        """Make a factory that disconnects the open target, then makes a new one."""
 
         def make() -> CalibrationTarget:
             target.disconnect()
@@ -369,7 +369,7 @@ class _TargetClauses:
 
 
 def _ways(target: CalibrationTarget, end_s: float) -> tuple[list[int], float]:
-    """How far each joint moves until a time and until it rests, in ticks, and how long one look took."""
+    """The ticks that each joint moves until ``end_s`` and rest, and the longest time between two readings."""
     tracks = [Track(motor.ticks_per_turn) for motor in target.motors]
     places: list[list[int]] = []
     longest_s, last_s = 0.0, time.monotonic()

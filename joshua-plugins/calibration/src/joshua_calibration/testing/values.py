@@ -1,4 +1,4 @@
-"""Clauses about the values of a calibration target: motors, positions, and what motors keep."""
+"""Clauses about the values of a calibration target: motors, positions and stored values."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from joshua.testing.conformance import ViolationError, require
 
 from joshua_calibration.target import CalibrationTarget, StoredMotor, TargetMotor
 
-#: How far a joint that nobody moves may go between two readings: noise, and an arm that settles.
+#: Largest change of a joint at rest between two readings, in turns: noise, and an arm that settles.
 STILL = 1 / 64
 
-#: Largest id that a calibration file keeps.
+#: Largest id that a calibration file can store.
 LARGEST_ID = 253
 
 
 def check_motor(motor: TargetMotor) -> None:
-    """A motor fits into a calibration file."""
+    """A calibration file can store the motor."""
     name = motor.joint_name
     require(
         bool(name) and isinstance(name, str) and 0 <= motor.id <= LARGEST_ID,
@@ -71,7 +71,7 @@ def check_positions(positions: object, motors: Sequence[TargetMotor]) -> None:
 
 
 def check_kept(target: CalibrationTarget, expected: Sequence[StoredMotor], motor: TargetMotor) -> None:
-    """The motors keep what is expected after one of them was written."""
+    """The motors store the expected values after a write to one of them."""
     found = target.stored()
     require(
         found == tuple(expected),
@@ -84,7 +84,7 @@ def check_kept(target: CalibrationTarget, expected: Sequence[StoredMotor], motor
 def check_still(
     motors: Sequence[TargetMotor], before: Sequence[int], after: Sequence[int], stored: TargetMotor
 ) -> None:
-    """Nothing that was stored shows in an encoder position."""
+    """A stored offset does not change an encoder position."""
     for motor, was, now in zip(motors, before, after, strict=True):
         half = motor.ticks_per_turn // 2
         way = abs((now - was + half) % motor.ticks_per_turn - half)
@@ -97,7 +97,7 @@ def check_still(
 
 
 def sample_value(motor: TargetMotor, index: int) -> StoredMotor:
-    """A value that differs from motor to motor, with both ends of what an offset can be among them."""
+    """A value that differs between motors. Among them are both limits of an offset."""
     turn, sign = motor.ticks_per_turn, 1 if index % 2 else -1
     return StoredMotor(sign * (motor.largest_offset - index), turn // 8 + index, turn * 7 // 8 - index)
 
@@ -106,11 +106,11 @@ def sample_value(motor: TargetMotor, index: int) -> StoredMotor:
 def kept_in_the_end(
     factory: Callable[[], CalibrationTarget], target: CalibrationTarget, old: Sequence[StoredMotor]
 ) -> Iterator[None]:
-    """Put back what the motors kept before; close the target. Raises ViolationError."""
+    """Restore the old values of the motors, and close the target. Raises ViolationError."""
     try:
         yield
     except BaseException:
-        with suppress(Exception):  # what has failed already says more
+        with suppress(Exception):  # the first failure is more informative
             _put_back(factory, target, old)
         raise
     _put_back(factory, target, old)
