@@ -47,8 +47,8 @@ class PolicyPlayer:
                 )
         if len(policy.about["action_low"]) != arena.action_space.shape[0]:
             raise CheckpointError(
-                f"{self._checkpoint} gives {len(policy.about['action_low'])} numbers, but the environment "
-                f"takes {arena.action_space.shape[0]}",
+                f"{self._checkpoint} returns {len(policy.about['action_low'])} numbers, but the environment "
+                f"expects {arena.action_space.shape[0]}",
                 "Name a checkpoint that was trained in this environment",
             )
 

@@ -227,7 +227,7 @@ class EpisodeMaker:
                 f"{MOST_LOST + 1} episodes in a row were cut off by a reset or a divergence: correct the "
                 "model or the motion; the episodes before them are kept"
             )
-        self._log.warning("episode %d was cut off, and is made anew", self._writer.episodes + 1)
+        self._log.warning("episode %d was interrupted, and is made again", self._writer.episodes + 1)
         self._start(None)
 
     def open(self) -> None:

@@ -93,8 +93,8 @@ def _arms(context: Context) -> Iterator[Diagnostic]:
         path = f"{entry.path}.node_name"
         yield context.error(
             "actuator-name-shared",
-            f"{entry.full_name} and {other.full_name} have one node_name, and a calibration knows its "
-            "actuator by that alone: both would take the same one",
+            f"{entry.full_name} and {other.full_name} have one node_name, but a calibration identifies its "
+            "actuator by this name, so both would use the same one",
             path,
             allowed=(f'"{entry.namespace.strip("/").replace("/", "_") or "other"}_{name}"',),
             related=context.see(f"{other.path}.node_name", "first actuator of this name"),

@@ -31,7 +31,7 @@ HAND_S, LOOK_EVERY_S = 0.8, 0.02
 #: A longer reading may have missed a part of the motion, which is then repeated, at most ``MOTIONS`` times.
 LONGEST_LOOK_S, MOTIONS = 0.15, 4
 
-#: A joint within ``REST_TICKS`` for ``REST_LOOKS`` readings rests. A stalled hand takes at most this much longer.
+#: A joint within ``REST_TICKS`` for ``REST_LOOKS`` readings rests; a stalled hand takes this much longer.
 REST_LOOKS, REST_TICKS, OVERTIME_S = 8, 2, 10.0
 
 

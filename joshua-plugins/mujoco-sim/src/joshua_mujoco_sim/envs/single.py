@@ -135,7 +135,7 @@ class TermEnv(gymnasium.Env[Any, Any]):
     def render(self) -> Any:
         """Draw the task's camera: shape (H, W, 3), RGB; None without a render mode."""
         if self.render_mode is None:
-            gymnasium.logger.warn("render was called, and the environment was made without render_mode")
+            gymnasium.logger.warn("render requires an environment that was made with render_mode")
             return None
         if self._renderer is None:
             self._renderer = CameraRenderer(

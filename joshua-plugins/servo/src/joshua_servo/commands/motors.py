@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = (
         "assign ids and line speed: you connect one motor at a time, and JOSHUA finds, sets and verifies it"
     )
-    setup = actions.add_parser("setup", help="give motors their ids and line speed", description=text)
+    setup = actions.add_parser("setup", help="assign ids and line speed", description=text)
     setup.add_argument("--config", metavar="PATH", default="", help="configuration whose motors are set up")
     setup.add_argument("--node", metavar="NAME", default="", help="node of the configuration")
     setup.add_argument(
