@@ -343,7 +343,7 @@ def test_without_memory_the_setting_that_halves_it_is_named(recording: Path) -> 
     assert is_out_of_memory(caught.value)
     assert not is_out_of_memory(ValueError("shapes"))
     said = str(without_memory(settings(recording, batch_size=8), "cpu"))
-    assert "for a batch of 8: set batch_size: 4 and accumulation_steps: 2, which takes half" in said
+    assert "for a batch of 8: set batch_size: 4 and accumulation_steps: 2, which needs half" in said
     said = str(without_memory(settings(recording, batch_size=1), "cuda"))
     assert 'set precision: "bfloat16"' in said
     assert "image_width" in str(without_memory(settings(recording, batch_size=1), "cpu"))

@@ -186,7 +186,7 @@ def test_without_a_name_what_there_is_is_listed(
             "leader_arm=/nowhere.json",
             "/nowhere.json: cannot be read (No such file or directory); joshua calibrate",
         ),
-        ("leader_arm=/dev/null", "is no JSON"),
+        ("leader_arm=/dev/null", "is not valid JSON"),
     ],
 )
 def test_what_cannot_be_imported_is_said(

@@ -198,7 +198,7 @@ def test_a_sweep_with_lost_readings_has_a_hole_until_the_joint_passes_again(hand
     assert "Readings were lost for 0.4 s while base moved." in message(hand)
     hand.move({0: 5000})
     hand.procedure.confirm()
-    assert "% of its range was not seen" in message(hand)
+    assert "% of its range was not measured" in message(hand)
     hand.sweep(0)
     hand.procedure.confirm()
     assert hand.procedure.view().joints[0].state is JointState.DONE
@@ -318,7 +318,7 @@ def test_requests_out_of_turn_are_refused(hand: Hand):
 
 @pytest.mark.parametrize("raw", [[0, 0], [0, 0, 4096], [-1, 0, 0]])
 def test_readings_that_cannot_be_are_the_drivers_fault(hand: Hand, raw: list[int]):
-    with pytest.raises(ValueError, match=r"positions for|beyond"):
+    with pytest.raises(ValueError, match=r"positions for|outside"):
         hand.procedure.observe(1.0, raw)
 
 

@@ -188,7 +188,7 @@ def test_two_arms_cannot_share_an_adapter(
     tmp_path: Path, config: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     config.write_text(config.read_text().replace("ttyACM1", "ttyACM0"))
-    assert "follower_arm and leader_arm both mean" in refused(tmp_path, config, capsys)
+    assert "follower_arm and leader_arm both name" in refused(tmp_path, config, capsys)
 
 
 def test_adapters_that_cannot_be_told_apart_are_not_written(

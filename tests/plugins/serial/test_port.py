@@ -122,7 +122,7 @@ def test_a_wrong_path_is_named_with_the_ports_that_there_are(emulator: EmulatedB
 def test_a_file_is_no_serial_port(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(
-        PortUnusable, match=r"is no serial port\. Ports here: none.*Correct comm\.serial\.port"
+        PortUnusable, match=r"is not a serial port\. Ports here: none.*Correct comm\.serial\.port"
     ):
         SerialPort(Endpoint(str(tmp_path / "file"), device_root=str(tmp_path)), 1_000_000).open()
 

@@ -88,7 +88,9 @@ def test_an_absent_adapter_is_named_with_the_ports_that_there_are(tmp_path: Path
 def test_two_equal_adapters_need_a_serial_number(tmp_path: Path) -> None:
     plug(tmp_path, "ttyACM0", "L1")
     plug(tmp_path, "ttyACM1", "R1")
-    with pytest.raises(PortNotFound, match=r"2 adapters fit.*ttyACM0.*ttyACM1.*Give serial_number as well"):
+    with pytest.raises(
+        PortNotFound, match=r"2 adapters match.*ttyACM0.*ttyACM1.*Add serial_number to the file"
+    ):
         resolve(Endpoint(vid_pid="1a86:55d3", device_root=str(tmp_path)))
 
 
@@ -102,7 +104,7 @@ def test_adapters_that_share_a_serial_number_are_told_apart_by_their_path(tmp_pa
     for path_of_one in (left, right):
         found = resolve(Endpoint(path_of_one, "0001", "1a86:55d3", device_root=root))
         assert found.path == path_of_one
-    with pytest.raises(PortNotFound, match=r"2 adapters fit.*Give port as well"):
+    with pytest.raises(PortNotFound, match=r"2 adapters match.*Add port to the file"):
         resolve(Endpoint(serial_number="0001", device_root=root))
 
 

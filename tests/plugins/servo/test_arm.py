@@ -32,7 +32,7 @@ def test_connecting_reads_and_moves_nothing(arm_emulator: EmulatedBus, make_arm:
     assert (arm.limits.position_min_rad >= before.position_min_rad).all()
     assert energised(arm_emulator) == {False}
     assert arm.identity == "usb:ARM1"
-    with pytest.raises(DeviceError, match="open already"):
+    with pytest.raises(DeviceError, match="already open"):
         arm.connect()
 
 

@@ -67,7 +67,7 @@ def test_a_guardian_is_named_as_what_it_is(
 ) -> None:
     monkeypatch.setattr(handover, "PATIENCE_S", 0.1)
     with pytest.raises(
-        PortGuarded, match=rf"a guardian \(process {guardian.pid}\) is bringing .*Leave it alone"
+        PortGuarded, match=rf"a guardian \(process {guardian.pid}\) is bringing .*It ends within seconds"
     ):
         open_unguarded(port, lambda: False)
     with pytest.raises(Cancelled):

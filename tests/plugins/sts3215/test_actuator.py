@@ -96,7 +96,7 @@ def test_servos_calibrated_anew_need_a_new_file(arm_emulator: EmulatedBus, make_
     old = arm_emulator.calibration()
     arm_emulator.ask("set_register", id=3, name="homing_offset", value=77)
     with pytest.raises(
-        CalibrationMismatch, match=r"calibrated again since.*\n.*elbow_flex \(id 3\).*77 in the servo"
+        CalibrationMismatch, match=r"have been recalibrated.*\n.*elbow_flex \(id 3\).*77 in the servo"
     ):
         make_arm(arm_emulator, calibration=old).connect()
 

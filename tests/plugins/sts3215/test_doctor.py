@@ -139,7 +139,9 @@ def test_a_hot_joint_and_a_missing_calibration_are_warnings(
 ) -> None:
     arm_emulator.ask("set", id=2, temperature_c=63)
     assert run(arm_emulator, "--config", str(config)) == 0
-    assert "warning  devices: /arm shoulder_lift: hot: 63 °C of at most 70 °C" in capsys.readouterr().out
+    assert (
+        "warning  devices: /arm shoulder_lift: 63 °C, close to its limit of 70 °C" in capsys.readouterr().out
+    )
     text = config.read_text()
     config.write_text(text[: text.index("calibration {")])
     assert run(arm_emulator, "--config", str(config)) == 0

@@ -93,12 +93,14 @@ def test_new_motors_get_their_ids_one_after_the_other(new_motors: EmulatedBus) -
         connect(new_motors, 2)
         joshua.enter()
         text = joshua.wait(PROMPT)
-        assert "joint_3 (id 3): was id 1 at 1000000 bit/s, is id 3 at 1000000 bit/s now, verified" in text
+        assert "joint_3 (id 3): changed from id 1 at 1000000 bit/s to id 3 at 1000000 bit/s, verified" in text
         joshua.enter()  # the same motor is still there
         assert "this motor already has the id of joint_3 (id 3): connect only" in joshua.wait(PROMPT)
         connect(new_motors, 1)
         joshua.enter()
-        assert "joint_2 (id 2): was id 1 at 115200 bit/s, is id 2 at 1000000 bit/s now" in joshua.wait(PROMPT)
+        assert "joint_2 (id 2): changed from id 1 at 115200 bit/s to id 2 at 1000000 bit/s" in joshua.wait(
+            PROMPT
+        )
         connect(new_motors, 0)
         joshua.enter()
         assert "connect all motors in a chain" in joshua.wait(PROMPT)
@@ -212,7 +214,7 @@ def test_the_motors_of_a_file_are_set_up(new_motors: EmulatedBus, tmp_path: Path
     with program(*words) as joshua:
         code, text = joshua.end()
     assert code == 0, text
-    assert "wrist_roll (id 5): was id 1 at 1000000 bit/s, is id 5 at 500000 bit/s now" in text
+    assert "wrist_roll (id 5): changed from id 1 at 1000000 bit/s to id 5 at 500000 bit/s" in text
 
 
 @pytest.mark.parametrize(

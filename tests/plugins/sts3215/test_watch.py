@@ -57,7 +57,7 @@ def test_rows_tell_levels_and_values() -> None:
     motion = (np.array([0.5, -0.25]), np.array([0.0, 1.5]))
     rows = joint_rows(["pan", "lift"], [1, 2], [hot, overloaded], motion, watch(), "usb:SN1")
     assert [row.level for row in rows] == [DiagnosticStatus.WARN, DiagnosticStatus.ERROR]
-    assert [row.message for row in rows] == ["hot: 65 °C of at most 70 °C", "overloaded"]
+    assert [row.message for row in rows] == ["65 °C, close to its limit of 70 °C", "overloaded"]
     assert rows[1].hardware_id == "usb:SN1 id 2"
     assert rows[0].values["temperature_c"] == "65"
     assert [row.values["position_rad"] for row in rows] == ["0.5000", "-0.2500"]
