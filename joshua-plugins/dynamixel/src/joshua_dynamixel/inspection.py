@@ -73,7 +73,7 @@ def _setup(servo_id: int, block: bytes, problems: list[str]) -> ServoSetup:
         )
     if mode == OperatingMode.POSITION and abs(offset) > LARGEST_JOINT_OFFSET:
         problems.append(
-            f"id {servo_id}cannot apply its homing offset of {-offset} ticks in mode 3 (position), which "
+            f"id {servo_id} cannot apply its homing offset of {-offset} ticks in mode 3 (position), which "
             f"allows {-LARGEST_JOINT_OFFSET} to {LARGEST_JOINT_OFFSET}; expected mode 4 (extended position)"
         )
     if value(DRIVE_MODE) & TIME_BASED:

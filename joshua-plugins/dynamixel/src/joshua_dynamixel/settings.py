@@ -83,7 +83,7 @@ class DynamixelSettings(ServoSettings):
             if joint.current_limit_ma is not None and not model.current_unit_a:
                 raise FieldError(
                     "joint",
-                    f"an {model.name}has no current limit, because it measures load instead of current",
+                    f"an {model.name} has no current limit, because it measures load instead of current",
                     remedy="set torque_limit_percent instead of current_limit_ma",
                 )
         return self

@@ -70,7 +70,7 @@ def check_start(
         low, high = setup.min_position - tolerance_ticks, setup.max_position + tolerance_ticks
         if not setup.turns and not low <= position <= high:
             raise SafetyTripped(
-                f"{bus.port}: {name} (id {setup.servo_id})is at {position}ticks, outside the limits of its "
+                f"{bus.port}: {name} (id {setup.servo_id}) is at {position} ticks, outside the limits of its "
                 f"servo, {setup.min_position} to {setup.max_position}. Torque stays off. Move the joint "
                 "into its range by hand, then try again."
             )

@@ -39,7 +39,7 @@ class Register:
         """Bytes of a value. Raises ValueError if it is out of range."""
         lowest, highest = self._bounds()
         if not lowest <= value <= highest:
-            raise ValueError(f"{self.name}accepts {lowest} to {highest}, found {value}")
+            raise ValueError(f"{self.name} accepts {lowest} to {highest}, found {value}")
         if self.sign_bit is not None:
             value = abs(value) | (value < 0) << self.sign_bit
         return value.to_bytes(self.width, "little", signed=self.signed)
