@@ -162,7 +162,7 @@ def test_the_report_shows_the_best_and_the_worst_episode(
         clips, captions, ("best", "worst"), (order[0], order[-1]), strict=True
     ):
         assert caption.startswith(f"{label} of {reaching}: episode {index}, seed {40 + index}, ")
-        assert "differently" not in caption
+        assert "differed" not in caption
         with av.open(io.BytesIO(base64.b64decode(clip))) as video:
             frames = len(list(video.decode(video=0)))
         assert frames == lengths[index] + 1

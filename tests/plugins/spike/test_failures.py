@@ -231,7 +231,7 @@ def test_bumble_that_is_not_installed(make_actuator: MakeActuator, monkeypatch: 
 def test_a_machine_without_system_bus(make_actuator: MakeActuator, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DBUS_SYSTEM_BUS_ADDRESS", "unix:path=/nonexistent/bus")
     text = refusal(make_actuator(adapter=""), AdapterUnusable)
-    assert "the default adapter: the system's Bluetooth service (BlueZ, by D-Bus) does not run" in text
+    assert "the default adapter: the system's Bluetooth service (BlueZ, by D-Bus) is not running" in text
     assert "systemctl start bluetooth" in text
 
 

@@ -155,7 +155,7 @@ def test_without_questions_it_goes_on_when_the_next_motor_comes(new_motors: Emul
     with program("setup", "--port", new_motors.port, "--ids", "1-3", "--yes") as joshua:
         for slot, servo_id in ((2, 3), (1, 2), (0, 1)):
             connect(new_motors, slot)
-            joshua.wait(f"joint_{servo_id} (id {servo_id}): was id 1")
+            joshua.wait(f"joint_{servo_id} (id {servo_id}): changed from id 1")
         connect(new_motors, 0, 1, 2)
         code, text = joshua.end()
     assert (code, ids(new_motors)) == (0, [1, 2, 3])
@@ -222,7 +222,7 @@ def test_the_motors_of_a_file_are_set_up(new_motors: EmulatedBus, tmp_path: Path
     [
         ((), 2, "name the motors: --config FILE"),
         (("--port", "/dev/nope", "--ids", "1-6"), 4, "/dev/nope: no such serial port. Ports here:"),
-        (("--port", "/dev/null", "--ids", "1-6"), 4, "/dev/null: is no serial port"),
+        (("--port", "/dev/null", "--ids", "1-6"), 4, "/dev/null: is not a serial port"),
         (("--port", "/dev/null", "--ids", "200-300"), 2, "cannot have the id 254: allowed 0 to 253"),
         (
             ("--port", "/dev/null", "--ids", "1,x"),
