@@ -75,7 +75,7 @@ def curve(run: Path) -> list[dict[str, float]]:
 def test_a_stopped_and_a_killed_run_go_on_as_if_nothing_had_happened(tmp_path: Path) -> None:
     recording = write_recording(tmp_path / "recording")
     said = ended(start(tmp_path, "whole", recording))
-    assert "24 updates completed: loss" in said
+    assert "24 updates learned: loss" in said
     run = start(tmp_path, "broken", recording)
     until(tmp_path / "broken", 1)
     os.killpg(run.pid, signal.SIGINT)

@@ -143,8 +143,8 @@ def refusals(v4l2_library: Path, tmp_path_factory: pytest.TempPathFactory, frame
 
 def test_a_size_that_the_camera_does_not_offer(refusals: dict[str, str]) -> None:
     assert refusals["size"] == (
-        "/dev/video0 does not offer 1920 × 1080, but delivers 640 × 480: set width and height to a size that it "
-        "offers: 640 × 480, 320 × 240"
+        "/dev/video0 does not offer 1920 × 1080, but delivers 640 × 480: set width and height to a size "
+        "that it offers: 640 × 480, 320 × 240"
     )
     assert refusals["free again"] == "connected"
 
