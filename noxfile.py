@@ -8,13 +8,14 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import nox
 from nox.command import CommandFailed
 
 sys.path.insert(0, str(Path(__file__).parent / "tools"))
-from local_plugins import closure, distributions
+from local_plugins import closure, distributions, requirements
 
 nox.needs_version = ">=2024.10.9"
 nox.options.default_venv_backend = "venv"
@@ -52,7 +53,8 @@ def lint(session: nox.Session) -> None:
 @nox.session
 def types(session: nox.Session) -> None:
     """Mypy over everything in one run; pyproject.toml says how strict each part is."""
-    install(session, *group("types", "test"), *editable(f"{CORE}[dds]", *EXAMPLES, *PLUGINS))
+    everything = editable(f"{CORE}[dds]", *EXAMPLES, *PLUGINS)
+    install(session, "--no-compile", *group("types", "test"), *everything)  # nothing of it is run
     # By file: in a folder of tests that is named as a whole, mypy would name the shared modules twice.
     test_files = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "tests").rglob("*.py"))
     sources = [f"{plugin}/src" for plugin in PLUGINS] + [f"{example}/src" for example in EXAMPLES]
@@ -253,7 +255,12 @@ def editable(*folders: str) -> list[str]:
     known = {name: str(path.relative_to(ROOT)) for name, path in distributions().items()}
     plugins = [folder.partition("/")[2] for folder in folders if folder.startswith(f"{PLUGIN}/")]
     needed = [known[name] for name in closure(plugins) if name != CORE]
-    return [part for folder in dict.fromkeys((*folders, *needed)) for part in ("-e", f"./{folder}")]
+    return in_place(f"./{folder}" for folder in dict.fromkeys((*folders, *needed)))
+
+
+def in_place(folders: Iterable[str]) -> list[str]:
+    """Lists pip arguments that install folders in place."""
+    return [part for folder in folders for part in ("-e", folder)]
 
 
 def install(session: nox.Session, *arguments: str) -> None:
@@ -264,9 +271,17 @@ def install(session: nox.Session, *arguments: str) -> None:
     stamp = Path(session.virtualenv.location) / "installed.sha256"
     if stamp.is_file() and stamp.read_text(encoding="ascii") == digest:
         return
-    session.install("-c", str(CONSTRAINTS), *arguments)
+    folders = [item for item in arguments if item.startswith("./")]
+    others = [item for item in arguments if item != "-e" and item not in folders]
+    if folders:
+        # pip would make an environment to build each of these in; here they are built in that of the session.
+        ours = [Path(folder).name for folder in folders if "/examples/" not in folder]
+        others += [*group("build"), *requirements(closure(ours))]
+    session.install("-c", str(CONSTRAINTS), *others)
+    if folders:
+        session.install("--no-deps", "--no-build-isolation", *in_place(folders))
     # Compiled once here: where PYTHONDONTWRITEBYTECODE is set, every process would compile the sources anew.
-    if sources := [f"{item.partition('[')[0]}/src" for item in arguments if item.startswith("./")]:
+    if sources := [f"{folder.partition('[')[0]}/src" for folder in folders]:
         session.run("python", "-m", "compileall", "-q", *sources)
     if not {"-R", "--no-install"} & set(sys.argv):  # with these nox leaves the install out
         stamp.write_text(digest, encoding="ascii")

@@ -58,6 +58,16 @@ def closure(words: list[str]) -> dict[str, set[str]]:
     return found
 
 
+def requirements(found: dict[str, set[str]]) -> list[str]:
+    """What distributions and their extras need that this repository does not hold."""
+    known, needed = distributions(), []
+    for name, extras in found.items():
+        project = _project(known[name])
+        optional = project.get("optional-dependencies", {})
+        needed += [*project.get("dependencies", []), *(item for extra in extras for item in optional[extra])]
+    return [requirement for requirement in needed if _parts(requirement)[0] not in known]
+
+
 def left_out(found: dict[str, set[str]]) -> list[str]:
     """What distributions need to work in full and do not bring, as ``tool.joshua.left-out`` of each says."""
     folders = distributions()

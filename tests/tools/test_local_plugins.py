@@ -34,6 +34,13 @@ def test_everything_that_a_plugin_needs_of_this_repository_comes_with_it() -> No
     assert set(local_plugins.closure(["all"])) == set(local_plugins.distributions())
 
 
+def test_what_is_not_of_this_repository_is_listed_with_extras() -> None:
+    needed = local_plugins.requirements(local_plugins.closure(["joshua-core[dds]", "sts3215"]))
+    names = {local_plugins._parts(requirement)[0] for requirement in needed}
+    assert names >= {"numpy", "cyclonedds", "feetech-servo-sdk"}
+    assert not any(name.startswith("joshua") for name in names)
+
+
 def test_a_plugin_that_is_not_here_is_named_with_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
     assert local_plugins.main(["sts3215,encodr"]) == 2
     assert "joshua-plugins has no 'encodr'; allowed: encoder, core, " in capsys.readouterr().err
