@@ -24,6 +24,12 @@ PAGES = [
     *sorted(page for page in (ROOT / "docs").rglob("*.md") if "examples" not in page.parts),
 ]
 TIMEOUT_S = 250
+# Runs of pages that a test of their own does in the same way, and looks at closely: their files and options.
+ELSEWHERE = {
+    ("configs/test_mock_hardware.pbtxt", ""),  # test_presets_run.py
+    ("configs/test_single_motor.pbtxt", "--emulate --set test.duration_s=4"),  # test_single_motor.py
+    ("docs/examples/acme-gripper/robot.pbtxt", ""),  # test_third_party_plugin.py
+}
 
 
 class Terminal:
@@ -115,16 +121,31 @@ def commanding_pages() -> list[Path]:
     return [page for page in PAGES if steps(page)]
 
 
-def judged_runs(page: Path) -> set[str]:
-    """The commands of a page that run a file in MODE_TEST, which judges rates."""
-    files: dict[str, Path] = {}
-    found = set()
+def judged_runs(page: Path) -> dict[str, tuple[str, str]]:
+    """The commands of a page that run a file in MODE_TEST, which judges rates: what they run, and how."""
+    files: dict[str, tuple[Path, str]] = {}  # by the name on the page: what it is a copy of, and its changes
+    found = {}
     for command in (command for step in steps(page) for command in step.commands):
         if made := re.match(r"joshua new (\S+) --from (\S+)", command):
-            files[f"{made[1]}.pbtxt"] = ROOT / "configs" / f"{made[2]}.pbtxt"
-        run = re.match(r"joshua --config (\S+)(?!.*--validate-only)(?!.*general\.mode=)", command)
-        if run and "mode: MODE_TEST" in files.get(run[1], ROOT / run[1]).read_text(encoding="utf-8"):
-            found.add(command)
+            files[f"{made[1]}.pbtxt"] = ROOT / "configs" / f"{made[2]}.pbtxt", ""
+        elif (changed := re.match(r"sed .* (\S+)$", command)) and changed[1] in files:
+            source, changes = files[changed[1]]
+            files[changed[1]] = source, changes + command
+        run = re.match(r"joshua --config (\S+)(?!.*--validate-only)(?!.*general\.mode=) *(.*)", command)
+        source, changes = files.get(run[1], (ROOT / run[1], "")) if run else (page, "")
+        if run and "mode: MODE_TEST" in source.read_text(encoding="utf-8"):
+            found[command] = f"{source.relative_to(ROOT)}{changes}", run[2]
+    return found
+
+
+def different_runs() -> dict[Path, set[str]]:
+    """The judged runs of the pages, each of them once."""
+    seen, found = set(ELSEWHERE), {}
+    for page in PAGES:
+        runs = judged_runs(page)
+        if new := {command for command in runs if runs[command] not in seen}:
+            found[page] = new
+        seen |= set(runs.values())
     return found
 
 
@@ -149,18 +170,22 @@ def walk(page: Path, terminal: Terminal, wanted: Callable[[str], bool]) -> None:
 @pytest.mark.timeout(1500)
 @pytest.mark.parametrize("page", named(commanding_pages()))
 def test_the_commands_of_a_page_run(page: Path, terminal: Terminal):
-    """All but those that judge rates, which the next test runs alone."""
+    """All but those that judge rates, which the next test runs, each once and alone."""
     runs = judged_runs(page)
     walk(page, terminal, lambda command: command not in runs)
 
 
 @pytest.mark.timing
-@pytest.mark.parametrize("page", named(page for page in PAGES if judged_runs(page)))
+@pytest.mark.parametrize("page", named(different_runs()))
 def test_the_runs_of_a_page_pass(page: Path, terminal: Terminal):
     """Those that judge rates, with what makes and changes their files."""
-    runs = judged_runs(page)
+    runs = different_runs()[page]
     files = re.compile("joshua new |sed |cat |mkdir ")
     walk(page, terminal, lambda command: command in runs or files.match(command) is not None)
+
+
+def test_what_another_test_runs_is_on_a_page():
+    assert {run for page in PAGES for run in judged_runs(page).values()} >= ELSEWHERE
 
 
 def test_the_pages_that_a_newcomer_reads_have_commands():
