@@ -220,7 +220,13 @@ def test_floats_are_interpolated_and_pictures_are_not() -> None:
         ACTION: Feature("n", "int64", (1,)),
         picture.key: picture,
     }
-    aligner = TimeAligner.for_features(features, 10.0)
+    aligner = TimeAligner(
+        {
+            key: Alignment(100 * MS, "interpolated" if feature.dtype.startswith("float") else "nearest")
+            for key, feature in features.items()
+        },
+        10.0,
+    )
     aligner.start(START)
     for key in features:
         for offset, number in ((-40, 0), (60, 10)):

@@ -100,19 +100,14 @@ class Parser(argparse.ArgumentParser):
 
     def _missing_plugin(self, unrecognized: Sequence[str]) -> str:
         """The plugin that adds an unknown option to this command, and how to install it; "" for none."""
-        if not unrecognized:
-            return ""
-        from joshua.plan import installing
-        from joshua.plugins import hints
+        for word in unrecognized:
+            from joshua.plan import installing
+            from joshua.plugins import hints
 
-        options = [f"{self.prog.split()[-1]} {word}" for word in unrecognized]
-        brings = {option: hints.stated().commands.get(option, "") for option in options}
-        found = [
-            f"{option} {installing.requires(distribution)}"
-            for option, distribution in brings.items()
-            if distribution
-        ]
-        return found[0] if found else ""
+            option = f"{self.prog.split()[-1]} {word}"
+            if distribution := hints.stated().commands.get(option):
+                return f"{option} {installing.requires(distribution)}"
+        return ""
 
     def _nearest(self, unrecognized: Sequence[str], word: str) -> list[str]:
         from difflib import get_close_matches

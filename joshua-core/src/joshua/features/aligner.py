@@ -9,7 +9,6 @@ from fractions import Fraction
 from typing import Literal, NamedTuple
 
 from joshua.features.frame import Array, Frame
-from joshua.plan.feature import Feature
 
 NS_PER_S = 1_000_000_000
 
@@ -102,23 +101,6 @@ class TimeAligner:
         self._last = Frame(0)
         self.counts = {key: FeatureCounts() for key in alignments}
         self.jumps = self.skipped = 0
-
-    @classmethod
-    def for_features(
-        cls, features: Mapping[str, Feature], rate_hz: float, *, interpolate: bool = True
-    ) -> TimeAligner:
-        """Return an aligner with a tolerance of one period: floats are interpolated, all else is nearest."""
-        tolerance_ns = round(NS_PER_S / rate_hz)
-        return cls(
-            {
-                key: Alignment(
-                    tolerance_ns,
-                    "interpolated" if interpolate and feature.dtype.startswith("float") else "nearest",
-                )
-                for key, feature in features.items()
-            },
-            rate_hz,
-        )
 
     def start(self, at_ns: int) -> None:
         """Restarts the grid of frames at a time. Samples from shortly before are kept."""

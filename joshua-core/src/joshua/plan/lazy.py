@@ -32,10 +32,7 @@ def lazy_names(
 
 
 def without_pydantic_plugins() -> None:
-    """Spare this process pydantic's search for plugins, which reads the metadata of every installed package.
-
-    No settings model uses them. Without effect on a pydantic that has searched.
-    """
+    """Leave out pydantic's search for plugins in all installed packages: no settings model uses any."""
     if (loader := "pydantic.plugin._loader") not in sys.modules:
         no_plugins: Any = ModuleType(loader)
         no_plugins.get_plugins = tuple
