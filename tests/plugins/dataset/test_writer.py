@@ -95,7 +95,7 @@ def test_a_long_episode_keeps_no_rows_in_memory(tmp_path: Path) -> None:
 
         def add(count: int) -> None:
             for k in range(count):
-                writer.add_frame(Frame(k, {state.key: [k, -k]}))
+                writer.add_frame(Frame(k, {state.key: np.array([k, -k])}))
 
         tracemalloc.start()
         try:
