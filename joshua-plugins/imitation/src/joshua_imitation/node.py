@@ -61,7 +61,6 @@ class ImitationTrainer(LearningNode):
             "settings": settings.model_dump(mode="json", exclude={"output_folder", "resume_run", "tracking"}),
         }
         self.checkpoint_steps = settings.checkpoint_steps
-        self.tracking = settings.tracking
         continued = self.reopen(settings.resume_run, facts)
         made = build(settings, continued)
         self._album = made.album

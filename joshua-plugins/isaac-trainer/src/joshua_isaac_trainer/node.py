@@ -78,7 +78,6 @@ class IsaacTrainer(LearningNode):
             "settings": settings.model_dump(mode="json", exclude=_HIDDEN),
         }
         self.checkpoint_steps = settings.checkpoint_steps
-        self.tracking = settings.tracking
         checkpoint = self.reopen(settings.resume_run, facts)
         if checkpoint is None:
             name = chosen.environment_id.partition("/")[2]

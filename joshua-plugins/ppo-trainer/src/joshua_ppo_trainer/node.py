@@ -64,7 +64,6 @@ class PpoTrainer(LearningNode):
             "settings": settings.model_dump(exclude=_HIDDEN),
         }
         self.checkpoint_steps = settings.checkpoint_steps
-        self.tracking = settings.tracking
         self.halves = settings.halves()
         continued = self.reopen(settings.resume_run, facts)
         options = {"threads": settings.physics_threads, "autoreset_mode": "SameStep"}

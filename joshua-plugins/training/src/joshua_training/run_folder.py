@@ -21,6 +21,7 @@ RECORDED = (
     *("joshua-core", "joshua-training", "joshua-ppo-trainer", "joshua-imitation", "joshua-mujoco-sim"),
     *("joshua-dataset", "stable-baselines3", "lerobot", "transformers", "torch", "torchvision", "mujoco"),
     *("numpy", "gymnasium", "safetensors", "av", "pyarrow"),
+    *("joshua-isaac-trainer", "isaacsim", "isaaclab", "rsl-rl-lib"),
 )
 
 
@@ -179,7 +180,7 @@ def refuse_other(before: Mapping[str, Any], wanted: Mapping[str, Any], free: Col
     old = {**before, **before.get("settings", {})}
     new = {**wanted, **wanted.get("settings", {})}
     for key, value in new.items():
-        if key != "settings" and key not in free and _plain(old.get(key)) != _plain(value):
+        if key not in ("settings", "tracking", *free) and _plain(old.get(key)) != _plain(value):
             raise RunError(
                 f"the run was started with {key} {old.get(key)}, but the file says {value}: "
                 "continue with the settings of the run, or start a new one"

@@ -106,9 +106,6 @@ class LearningNode(RunNode):
     #: What halves the memory of the training, set in ``configure``.
     halves = "halve batch_size"
 
-    #: Services that record the run, too, set in ``configure``.
-    tracking = TrackingSettings()
-
     #: Steps of the last checkpoint.
     _saved = -1
 
@@ -165,7 +162,8 @@ class LearningNode(RunNode):
 
     def work(self) -> None:
         """Learn to the end, or until the run stops, and save."""
-        trackers = Trackers(services_of(self.tracking, self.folder.path.parent), self.context.log)
+        tracking = TrackingSettings.model_validate(self.context.spec.settings.get("tracking") or {})
+        trackers = Trackers(services_of(tracking, self.folder.path.parent), self.context.log)
         trackers.start(self.folder)
         well = False
         try:
