@@ -62,14 +62,6 @@ def test_the_environment_of_the_checkpoint_is_proposed(tmp_path: Path, random_po
     assert error.remedy == 'Add environment_id: "joshua/SoArm100Reach-v0".'
 
 
-def test_an_evaluation_on_a_robot_is_refused_with_the_reason(tmp_path: Path, random_policy: Path) -> None:
-    found = errors(tmp_path, random_policy, head="environment: ENV_REAL")
-    (error,) = (item for item in found if item.field_path == "ai.training.environment")
-    if "a person must reset the scene" not in error.message:
-        pytest.fail(error.message)
-    assert "MODE_INFERENCE" in error.remedy
-
-
 def test_no_episode_is_refused(tmp_path: Path, random_policy: Path) -> None:
     (error,) = errors(tmp_path, random_policy, episodes=0)
     assert error.field_path == "ai.training.eval_config.num_episodes"

@@ -69,12 +69,30 @@ def _trainer_is_chosen(config: pb.Config) -> bool:
     return bool(training.method)
 
 
+def judges_robot(config: pb.Config) -> bool:
+    """Whether a model drives the robot in episodes that a person marks."""
+    training = config.ai.training
+    return bool(training.environment == pb.ENV_REAL and training.method == pb.METHOD_EVAL)
+
+
+def _judged(graph: RobotGraph, config: pb.Config) -> Iterator[ServiceTopic]:
+    """An evaluation on the robot reads the episodes of the models, and the joints of their arms."""
+    models = graph.models if judges_robot(config) else ()
+    for model in models:
+        yield ServiceTopic(f"{model.full_name}/episode", "diagnostic_msgs/msg/DiagnosticStatus")
+    arms = {arm.path for model in models for arm in graph.driven_by(model)}
+    for item in (item for item in graph.usable if item.is_publisher and item.entry.path in arms):
+        if item.block.data_type == data_type_pb2.JOINT_STATE:
+            yield ServiceTopic(item.topic, data_types.type_name(data_type_pb2.JOINT_STATE))
+
+
 TRAINING = ServiceSpec(
     "ai.training",
     lambda config: config.ai.training if config.ai.HasField("training") else None,
     TrainerSpec,
     value=_trainer,
     is_chosen=_trainer_is_chosen,
+    topics=_judged,
 )
 
 

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from joshua.config.checks import Context
+from joshua.modes import inference
 from joshua.modes.queries import lacks
-from joshua.modes.services import TRAINING
+from joshua.modes.services import TRAINING, judges_robot
 from joshua.modes.spec import ModeSpec
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
@@ -24,8 +25,12 @@ def check(context: Context) -> Iterator[Diagnostic]:
         )
         yield lacks(context, "mode-lacks-block", what, "ai.training", remedy=remedy)
         return
-    on_robot = ai.training.method in (pb.METHOD_RL, pb.METHOD_EVAL)  # imitation learns from a data set
-    if ai.training.environment == pb.ENV_REAL and on_robot and not context.graph.actuators:
+    # imitation learns from a data set
+    on_robot = ai.training.environment == pb.ENV_REAL and ai.training.method == pb.METHOD_RL
+    if judges_robot(context.config):
+        yield from inference.check(context)
+        yield from _judged_weights(context)
+    elif on_robot and not context.graph.actuators:
         yield lacks(
             context,
             "mode-lacks-actuator",
@@ -56,8 +61,20 @@ def _data_set(context: Context) -> Iterator[Diagnostic]:
     yield context.error("dataset-mismatch", message, path, allowed=(f'"{stored}"',), related=related)
 
 
+def _judged_weights(context: Context) -> Iterator[Diagnostic]:
+    """On the robot, a model of ``ai.models`` runs the weights that are evaluated."""
+    wanted = context.config.ai.training.eval_config.model_checkpoint
+    known = [entry.owner.pretrained_model_name_or_path for entry in context.graph.models]
+    if wanted and any(known) and wanted not in known:
+        path = "ai.training.eval_config.model_checkpoint"
+        message = f"No model of ai.models runs {wanted}, and on a robot a model runs the weights"
+        allowed = tuple(f'"{name}"' for name in known if name)
+        yield context.error("checkpoint-not-run", message, path, allowed=allowed)
+
+
 def _for_file(spec: ModeSpec, config: pb.Config) -> ModeSpec:
-    return replace(spec, devices=True) if config.ai.training.environment == pb.ENV_REAL else spec
+    on_robot = config.ai.training.environment == pb.ENV_REAL
+    return replace(spec, devices=on_robot, models=judges_robot(config))
 
 
 SPEC = ModeSpec(

@@ -184,6 +184,7 @@ class ModelFacts(NodeFacts):
         execution, compute: of the file.
         reads_task: it does nothing without a task.
         interventions: topics of its actuators that report whether a person has taken over.
+        is_judged: it acts in episodes only, which it reports on ``~/episode``.
     """
 
     kind: Literal["model"] = "model"
@@ -195,6 +196,7 @@ class ModelFacts(NodeFacts):
     compute: Compute = field(default_factory=Compute)
     reads_task: bool = False
     interventions: tuple[str, ...] = ()
+    is_judged: bool = False
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from joshua.config.input_paths import folder_of
 from joshua.features.derive import features_of
 from joshua.features.feature_set import FeatureSet
 from joshua.features.needs import as_trained, joined, unmet
+from joshua.modes.services import judges_robot
 from joshua.plan import (
     Compute,
     Diagnostic,
@@ -93,6 +94,7 @@ def model_facts(
         compute=Compute(**block_values(owner.compute)),
         reads_task=needs.reads_task,
         interventions=tuple(filter(None, topics)),
+        is_judged=judges_robot(draft.config),
         **common,
     )
 

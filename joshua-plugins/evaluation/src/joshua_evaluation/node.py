@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,8 @@ from joshua_evaluation.checkpoints import CheckpointError
 from joshua_evaluation.episodes import VIDEO_SIZE, Arena, Player, Stopped, play
 from joshua_evaluation.metrics import BUILT_IN, Metric, load_metric
 from joshua_evaluation.results import Intervals, Judged, as_csv, as_json
-from joshua_evaluation.settings import DEFAULT_SEED, Candidate, EvaluationSettings
+from joshua_evaluation.robot import DIAGNOSTIC, Marks
+from joshua_evaluation.settings import DEFAULT_SEED, ON_ROBOT, Candidate, EvaluationSettings
 
 REPORT, TABLE, RESULTS = "report.html", "episodes.csv", "results.json"
 
@@ -32,10 +35,15 @@ class Evaluation(RunNode):
         self._settings = EvaluationSettings.model_validate(context.spec.settings)
         self._metrics: tuple[Metric, ...] = ()
         self._about: dict[str, Any] = {}
+        self._seed = DEFAULT_SEED
+        self._marks = Marks(())
 
     def configure(self) -> None:
         """Load the metrics and create the run's folder."""
         settings, chosen = self._settings, self.facts.environment
+        if settings.is_on_robot:
+            self._watch_robot()
+            return
         if chosen is None:
             raise RunError("the plan has no environment: set ai.training.environment_id")
         if not settings.candidates:
@@ -63,14 +71,54 @@ class Evaluation(RunNode):
         self.begin(settings.output_folder, f"eval-{chosen.environment_id.rpartition('/')[2]}", facts)
         self._about |= {key: self.folder.facts()[key] for key in ("versions", "started")}
 
+    def _watch_robot(self) -> None:
+        """Subscribe to the episodes of the model and to the joints of its arms."""
+        settings, topics = self._settings, self.context.spec.subscriptions
+        self._metrics = tuple(map(load_metric, settings.metrics or ON_ROBOT))
+        self._marks = Marks([topic for topic in topics if topic.type_name != DIAGNOSTIC])
+        for topic in topics:
+            is_report = topic.type_name == DIAGNOSTIC
+            take = self._marks.report if is_report else partial(self._marks.state, topic.name)
+            self.context.subscribe(topic, take)
+        self._about = {"environment": "the robot", "reward_function": "", "wanted": settings.num_episodes}
+        hidden = {"output_folder", "resume_run", "candidates", "without_effect"}
+        facts = {
+            **self._about,
+            "kind": "evaluation",
+            "settings": {
+                **settings.model_dump(mode="json", exclude=hidden),
+                "model_checkpoint": settings.candidates[0].given,
+            },
+        }
+        self.begin(settings.output_folder, "eval-robot", facts)
+        self._about |= {key: self.folder.facts()[key] for key in ("versions", "started")}
+
+    def _marked(self) -> list[Judged]:
+        """Wait until all episodes are marked; fewer if the run is stopped."""
+        marks, wanted = self._marks, self._settings.num_episodes
+        self.context.log.info(
+            "the model waits: begin an episode with `joshua episode`, key b, and mark it with s or f"
+        )
+        while not self.context.stopping and len(marks.episodes) < wanted:
+            done = [episode.success for episode in list(marks.episodes.values())]
+            state = f"episode {len(done) + 1} runs" if marks.runs else f"waiting for episode {len(done) + 1}"
+            self.context.progress("evaluation", float(len(done)), float(wanted), unit="episodes")
+            self.context.show(f"{state}; {sum(done)} of {len(done)} succeeded")
+            time.sleep(0.1)
+        judged = Judged(self._settings.candidates[0].given, self._metrics)
+        for number in sorted(marks.episodes):
+            judged.add(marks.episodes[number])
+        return [judged]
+
     def work(self) -> None:
         """Play the episodes, and write figures and report."""
-        judged = self._judged()
+        is_on_robot = self._settings.is_on_robot
+        judged = self._marked() if is_on_robot else self._judged()
         if not judged or not judged[0].episodes:
             return
         wanted = self._settings.num_episodes * len(self._settings.candidates)
         complete = sum(len(one.episodes) for one in judged) == wanted
-        clips, note = self._clips(judged) if complete else ([], "")
+        clips, note = self._clips(judged) if complete and not is_on_robot else ([], "")
         if self.context.stopping and complete:
             note = "The run was stopped before all videos were made."
         self._write(judged, clips, note, complete)

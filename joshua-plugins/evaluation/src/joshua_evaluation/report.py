@@ -40,9 +40,11 @@ def page(results: Mapping[str, Any], judged: Sequence[Judged], clips: Sequence[C
     seeds = results["seeds"]
     span = f"seeds {seeds[0]} to {seeds[-1]}" if seeds else "no episode"
     varied = ", randomised physics" if results.get("randomise") else ""
+    reward = results["reward_function"]
+    rules = f"{span}{varied}, reward {_text(reward)}" if reward else "marked by a person"
     parts = [
         f"<h1>{_text(title)}</h1>",
-        f"<p>{results['episodes']} episodes ({span}{varied}), reward {_text(results['reward_function'])}, "
+        f"<p>{results['episodes']} episodes ({rules}), "
         f"intervals of {100 * results['confidence']:.4g} %. {_text(str(results.get('started', '')))}</p>",
         "".join(
             f"<p><span class=key style='background:{_COLOURS[index % 2]}'></span>{_text(one.name)}</p>"
@@ -56,7 +58,8 @@ def page(results: Mapping[str, Any], judged: Sequence[Judged], clips: Sequence[C
     parts.append(_figures(results))
     if results.get("compared"):
         parts.append(_comparison(results))
-    parts.append("<h2>Return of each episode</h2>" + _strip(judged))
+    if reward:
+        parts.append("<h2>Return of each episode</h2>" + _strip(judged))
     parts.append("<h2>Length of the episodes</h2>" + _lengths(judged))
     if any(_speed(episode) is not None for one in judged for episode in one.episodes[:1]):
         parts.append("<h2>Speed of the joints, best and worst episode</h2>" + _speeds(judged[0]))

@@ -19,6 +19,15 @@ from joshua_evaluation.plugins import ModelOffer, model_offer
 
 _OWN = "eval_config."
 
+#: Fields for simulated episodes only.
+_SIMULATED = (
+    *("compare_with", "seed", "videos", "camera", "randomise", "task", "strategy", "steps_per_chunk"),
+    *("inference_delay", "compute", "plugin_config"),
+)
+
+#: Metrics of episodes on a robot, which gives no reward.
+ON_ROBOT = ("success_rate", "episode_length", "smoothness", "inference_latency")
+
 #: Seed of the first episode if neither the block nor the simulation has one.
 DEFAULT_SEED = 1000
 
@@ -47,6 +56,7 @@ class EvaluationSettings(RunSettings):
     Attributes:
         candidates: the checkpoint, and the one that it is compared with.
         seed: of the first episode; None for that of the simulation.
+        without_effect: fields of the block that only simulated episodes use, on a robot.
     """
 
     BLOCK = "eval_config"
@@ -67,6 +77,12 @@ class EvaluationSettings(RunSettings):
     steps_per_chunk: int | None = None
     inference_delay: int = 0
     compute: Compute = Compute()
+    without_effect: tuple[str, ...] = ()
+
+    @property
+    def is_on_robot(self) -> bool:
+        """Whether a person marks episodes on the robot."""
+        return self.environment == "ENV_REAL"
 
     @classmethod
     def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
@@ -81,6 +97,11 @@ class EvaluationSettings(RunSettings):
             for name in ("model_checkpoint", "compare_with")
             if block.get(name)
         ]
+        if values["environment"] == "ENV_REAL":
+            usual = {name: field.default for name, field in cls.model_fields.items()}
+            known["without_effect"] = [
+                name for name in _SIMULATED if block.get(name) and block[name] != usual.get(name)
+            ]
         return known | {"compute": compute}
 
     @model_validator(mode="before")
@@ -88,22 +109,15 @@ class EvaluationSettings(RunSettings):
     def _recognised(cls, values: Any) -> Any:
         """Replace names by recognised checkpoints; the settings of a running node have them already."""
         raw = values.get("candidates", ())
-        if values.get("environment") == "ENV_REAL":
-            return {**values, "candidates": []}
+        if values.get("environment") == "ENV_REAL":  # a model of the file has loaded it
+            plain = [item.get("told", item) for item in map(dict, raw)]
+            kept = [{key: item[key] for key in ("field", "given")} for item in plain]
+            return {**values, "candidates": [{**item, "path": item["given"]} for item in kept[:1]]}
         found = (_candidate(item["told"]) if "told" in item else item for item in map(dict, raw))
         return {**values, "candidates": [item for item in found if item is not None]}
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
-        if self.environment == "ENV_REAL":
-            raise FieldError(
-                "environment",
-                "JOSHUA runs no evaluation on a robot, because a person must reset the scene between "
-                "episodes and judge whether each one succeeded",
-                allowed=("ENV_SIMULATION",),
-                remedy="Evaluate in simulation, or run the model with MODE_INFERENCE and mark each episode: "
-                "`joshua call NODE begin_episode` and `joshua call NODE end_episode success=true`",
-            )
         known = (*BUILT_IN, *offered())
         for index, name in enumerate(self.metrics):
             if name not in known:
@@ -118,6 +132,8 @@ class EvaluationSettings(RunSettings):
                 raise FieldError(
                     f"{_OWN}metrics[{index}]", f"The metric {name!r} is listed twice", remedy="Remove one"
                 )
+        if self.is_on_robot:
+            return self._fits_robot()
         if not self.environment_id:
             trained = next((item.environment for item in self.candidates if item.environment), "")
             where = f"; the checkpoint was trained in {trained}" if trained else ""
@@ -134,6 +150,22 @@ class EvaluationSettings(RunSettings):
                     f"{item.given} was trained in {item.environment}, not in {self.environment_id}",
                     remedy=f'Name another checkpoint, or write environment_id: "{item.environment}"',
                 )
+        return self
+
+    def _fits_robot(self) -> Self:
+        for name in self.without_effect:
+            raise FieldError(
+                f"{_OWN}{name}",
+                f"{name} has no effect on a robot: a model of ai.models runs there, one checkpoint at a time",
+                remedy="Remove it; the block of the model in ai.models has execution, compute and task",
+            )
+        if "avg_return" in self.metrics:
+            raise FieldError(
+                f"{_OWN}metrics[{self.metrics.index('avg_return')}]",
+                "A robot gives no reward, so there is no return",
+                allowed=ON_ROBOT,
+                remedy="Remove avg_return; success_rate is the fraction of episodes marked as successful",
+            )
         return self
 
 

@@ -34,6 +34,7 @@ class InferenceLoop:
         self, execution: Execution, joints: JointSpace, period_s: float, now_ns: Callable[[], int]
     ) -> None:
         self._execution, self.joints, self._now_ns = execution, joints, now_ns
+        self.took_s = 0.0  # the model's time for the last chunk
         self._period_ns = round(period_s * 1e9)
         self._strategy = STRATEGIES[execution.strategy](execution)
         self._output = Output(period_s, execution)
@@ -82,6 +83,7 @@ class InferenceLoop:
         self._called_ns = called_ns = time.monotonic_ns()
         act = model.act(observation) if request is None else model.continue_chunk(observation, request)
         took_ns, self._called_ns = time.monotonic_ns() - called_ns, 0
+        self.took_s = took_ns / 1e9
         actions = checked(act, self.joints, type(model).__name__)
         with self._lock:
             if epoch != self._epoch:  # its chunk is not valid any more

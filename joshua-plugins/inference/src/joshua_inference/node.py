@@ -36,7 +36,7 @@ from joshua.api.nodes import (
 )
 from joshua.features import FeatureSet
 from joshua.features.needs import as_trained, joined, unmet
-from joshua.messages import MessageError
+from joshua.messages import MessageError, message_class
 from joshua.messages.arrays import COMPRESSED_IMAGE, holds_numbers, load_decoder
 
 from joshua_inference.commands import Commands
@@ -46,6 +46,7 @@ from joshua_inference.observer import Observer, UnfitMessageError
 from joshua_inference.priority import stand_back, threads_stand_back
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
+DIAGNOSTIC = "diagnostic_msgs/msg/DiagnosticStatus"
 
 #: Share of periods without an action that still counts as keeping up.
 GAPS_MAX = 0.05
@@ -115,6 +116,8 @@ class InferenceNode(NodeBehaviour):
         self._waits_for = ""
         self._ticks = 0
         self._said: deque[str] = deque(maxlen=16)
+        self._reports: Any = None
+        self._took_s: deque[float] = deque(maxlen=10_000)
 
     def configure(self) -> None:
         """Load the model and declare topics. Raises ModelError, TargetError."""
@@ -152,6 +155,9 @@ class InferenceNode(NodeBehaviour):
             self.context.subscribe(topic, partial(self._observer.add, topic.name))
             for topic in spec.subscriptions
         ]
+        if self._facts.is_judged:
+            self._loop.pause()
+            self._reports = self.context.publisher(TopicSpec(name="~/episode", type_name=DIAGNOSTIC))
         for name in self._facts.interventions:
             topic = TopicSpec(name=name, type_name="std_msgs/msg/Bool")
             self.context.subscribe(topic, partial(self._intervened, name))
@@ -233,6 +239,8 @@ class InferenceNode(NodeBehaviour):
     def begin_episode(self) -> str:
         """Begin an episode: the model forgets its history, and acts."""
         self._resets, self._failed = True, False
+        self._took_s.clear()
+        self._report("begin", self._loop.figures().episodes + 1)
         self._loop.resume()
         return f"{self.context.spec.full_name}: the episode begins"
 
@@ -240,8 +248,20 @@ class InferenceNode(NodeBehaviour):
     def end_episode(self, request: EpisodeEnd) -> str:
         """End an episode and mark its success; the arm holds."""
         number = self._loop.end_episode(request.success)
+        self._report("success" if request.success else "failure", number)
         mark = "succeeded" if request.success else "failed"
         return f"{self.context.spec.full_name}: episode {number} {mark}; the arm holds"
+
+    def _report(self, what: str, number: int) -> None:
+        """Publish the begin or the mark of an episode, for an evaluation on the robot."""
+        if self._reports is None:
+            return
+        status, pair = message_class(DIAGNOSTIC), message_class("diagnostic_msgs/msg/KeyValue")
+        took_ms = 1e3 * float(np.median(self._took_s)) if self._took_s else 0.0
+        values = {"number": str(number), "inference_latency_ms": f"{took_ms:.6g}"}
+        name = self.context.spec.full_name
+        pairs = [pair(key=key, value=value) for key, value in values.items()]
+        self._reports.publish(status(level=0, name=name, message=what, hardware_id="", values=pairs))
 
     @verb(moves=False)
     def figures(self) -> InferenceFigures:
@@ -317,6 +337,7 @@ class InferenceNode(NodeBehaviour):
             model.reset()
             self._observer.forget()
         late = self._loop.predict(model, observation, began_ns)
+        self._took_s.append(self._loop.took_s)
         age_s = (self.context.now_ns() - observation.stamp_ns) / 1e9
         if late and self._loop.figures().queue == 0:
             self._say_once(
