@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from joshua_training.run_folder import RunFolder
@@ -37,7 +38,7 @@ class WandbService(Service):
                 id=identity or None,
                 resume="allow" if identity else None,
                 mode="offline" if settings.is_offline else "online",
-                # nothing of this machine goes out but the metrics and settings of the run
+                # nothing goes out but the metrics and the facts of the run
                 settings=wandb.Settings(
                     base_url=settings.address,
                     console="off",
@@ -67,4 +68,6 @@ class WandbService(Service):
 
     def place(self) -> str:
         """See ``Service``."""
-        return f"{self._run.dir}, for wandb sync" if self._settings.is_offline else str(self._run.url or "")
+        if self._settings.is_offline:
+            return f"{Path(self._run.dir).parent}, for wandb sync"
+        return str(self._run.url or "")
