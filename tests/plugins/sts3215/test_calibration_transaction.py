@@ -237,7 +237,7 @@ def test_another_arm_is_not_touched_by_recovery(rig: Rig, monkeypatch: pytest.Mo
     with EmulatedBus(arm="so_arm100", calibrated=True, identity="ARM2") as other:
         target = open_target(other.port, str(other.root))
         before = target.stored()
-        with pytest.raises(NotWritten, match=r"written to usb:ARM1, and this is usb:ARM2\. Connect that arm"):
+        with pytest.raises(NotWritten, match=r"written to usb:ARM1, but this is usb:ARM2\. Connect that arm"):
             recover(target, rig.file, rig.journal)
         assert target.stored() == before
         target.disconnect()
