@@ -164,6 +164,7 @@ def learn(session: nox.Session) -> None:
         "mujoco-sim",
         "onnx",
         "ppo-trainer",
+        "ray",
         "smolvla",
         "sts3215",
     )

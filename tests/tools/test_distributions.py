@@ -16,7 +16,7 @@ FOLDERS = [
 ]
 
 # Libraries that stand on nothing of JOSHUA, and that the host need not find.
-LIBRARIES = ("preview",)
+LIBRARIES = ("jobs", "preview", "ray")
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)

@@ -45,6 +45,7 @@ def test_versions_and_plugins_are_installed_in_their_order(tmp_path: Path):
         "evaluation",
         "imitation",
         "inference",
+        "jobs",
         "lerobot",
         "mujoco-sim",
         "onnx",

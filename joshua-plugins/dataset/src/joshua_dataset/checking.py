@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from joshua.features import ACTION, STATE, Feature
+from joshua_jobs.executor import Executor
+from joshua_jobs.processes import in_order
 
 from joshua_dataset.as_messages import units_of
 from joshua_dataset.from_messages import problems
-from joshua_dataset.jobs import in_order
 from joshua_dataset.metadata import ACQUISITION, MESSAGES, STAMP
 from joshua_dataset.reader import Dataset, DatasetError, Episode
 
@@ -84,11 +85,11 @@ class Extent:
         return Extent(np.minimum(self.low, other.low), np.maximum(self.high, other.high), total, count)
 
 
-def check(folder: Path, *, pictures: bool = True, workers: int | None = None) -> Iterator[Problem]:
+def check(folder: Path, *, pictures: bool = True, workers: Executor | int | None = None) -> Iterator[Problem]:
     """Find the problems of a data set, episode by episode.
 
     Args:
-        pictures: decode them, too; workers: processes, None for one per core.
+        pictures: decode them, too; workers: an executor, or processes; None for one per core.
 
     Raises:
         DatasetError: it cannot be read at all.

@@ -8,15 +8,17 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 from joshua.features import DatasetLayout, EpisodeError, FeatureError, FeatureSet, checked
 from joshua.messages import decode
+from joshua_jobs.executor import Executor
+from joshua_jobs.processes import in_order
 
 from joshua_dataset import statistics
 from joshua_dataset.bag import FILE, messages
 from joshua_dataset.formats import writer_of
 from joshua_dataset.from_messages import MessageFrames
-from joshua_dataset.jobs import in_order
 from joshua_dataset.lock import PRIVATE
 from joshua_dataset.mcap_writer import McapWriter
 from joshua_dataset.metadata import INDEX_COLUMNS, MESSAGES, STAMP
@@ -69,7 +71,7 @@ def build(
     table_format: str = "lerobot",
     codec: str = "",
     pictures: str = "",
-    workers: int | None = None,
+    workers: Executor | int | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> int:
     """Write the episodes of some data sets into a new one; return their number.
@@ -78,6 +80,7 @@ def build(
 
     Args:
         codec, pictures: of the new data set; "" takes those of the first source where it can.
+        workers: an executor, or processes; None for one per core.
         progress: called with the numbers of finished episodes and of all episodes.
 
     Raises:
@@ -133,7 +136,7 @@ def _from_messages(
     return writer.episodes
 
 
-def delete(folder: Path, episodes: Sequence[int], *, workers: int | None = None) -> int:
+def delete(folder: Path, episodes: Sequence[int], *, workers: Executor | int | None = None) -> int:
     """Remove episodes from a data set; return how many are left. It is replaced as a whole, at the end.
 
     Raises:
@@ -220,7 +223,11 @@ def _jobs(sources: Sequence[Source], found: Sequence[Dataset], layout: DatasetLa
 
 
 def _prepare(job: _Job) -> _Prepared:
-    """Make the files of an episode (in a separate process)."""
+    """Make the files of an episode (in a separate process, perhaps on another machine).
+
+    In a folder of its own: a worker that seems lost may still write while another one repeats its job.
+    """
+    job = replace(job, scratch=job.scratch.with_name(f"{job.scratch.name}-{uuid4().hex}"))
     dataset, episode, layout = Dataset.read(job.folder), job.episode, job.layout
     columns = dataset.columns(episode)
     if STAMP not in columns:  # LeRobot's own recordings have only the time of the index
@@ -282,7 +289,7 @@ def _pictures(job: _Job, dataset: Dataset, key: str) -> Statistics:
     return found
 
 
-def recomputed(folder: Path, *, workers: int | None = None) -> dict[str, Statistics]:
+def recomputed(folder: Path, *, workers: Executor | int | None = None) -> dict[str, Statistics]:
     """Recompute the statistics of a data set from its data. Raises DatasetError."""
     dataset = Dataset.read(folder)
     together: dict[str, Statistics] = {}

@@ -9,6 +9,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from joshua_jobs.choice import add_options, chosen, opened
+from joshua_jobs.executor import Executor, JobError
+
 from joshua_dataset.commands import transfers
 
 SUMMARY = "show, check, repair, change, upload and download data sets"
@@ -68,8 +71,11 @@ def one(actions: Any, name: str, text: str) -> argparse.ArgumentParser:
 
 
 def workers(parser: argparse.ArgumentParser) -> None:
-    """Add the number of processes."""
-    parser.add_argument("--workers", type=positive, metavar="N", help="processes (default: one per core)")
+    """Add the number of processes, and the clusters in their place."""
+    parser.add_argument(
+        "--workers", type=positive, metavar="N", help="episodes at once (default: one per core)"
+    )
+    add_options(parser)
 
 
 def episodes(parser: argparse.ArgumentParser) -> None:
@@ -101,10 +107,32 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         if arguments.action in transfers.ACTIONS:
             return transfers.run(arguments)
+        if getattr(arguments, "executor", None):
+            _make_absolute(arguments)
         return int(globals()[f"_{arguments.action}"](arguments))
+    except JobError as error:
+        sys.stderr.write(f"joshua dataset {arguments.action}: {error}\n")
+        return error.exit_code
     except (DatasetError, EpisodeError) as error:
         sys.stderr.write(f"joshua dataset {arguments.action}: {error}\n")
         return ExitCode.FAILED
+
+
+def _make_absolute(arguments: argparse.Namespace) -> None:
+    """Make folders absolute, because the workers of a cluster have other working directories."""
+    for name in {"folder", "target", "into"} & set(vars(arguments)):
+        setattr(arguments, name, getattr(arguments, name).absolute())
+    if "folders" in vars(arguments):
+        arguments.folders = [folder.absolute() for folder in arguments.folders]
+
+
+@contextlib.contextmanager
+def _workers(arguments: argparse.Namespace) -> Iterator[Executor]:
+    """Open the workers of a command, and say at the end whether some were lost."""
+    with opened(chosen(arguments), arguments.workers) as workers:
+        yield workers
+        if workers.lost:
+            sys.stderr.write(f"{workers.lost} jobs were repeated, because their workers were lost\n")
 
 
 def _info(arguments: argparse.Namespace) -> int:
@@ -127,10 +155,11 @@ def _check(arguments: argparse.Namespace) -> int:
     from joshua_dataset.checking import check
 
     errors = warnings = 0
-    for problem in check(arguments.folder, pictures=not arguments.no_pictures, workers=arguments.workers):
-        sys.stdout.write(f"{problem}\n")
-        errors += problem.serious
-        warnings += not problem.serious
+    with _workers(arguments) as workers:
+        for problem in check(arguments.folder, pictures=not arguments.no_pictures, workers=workers):
+            sys.stdout.write(f"{problem}\n")
+            errors += problem.serious
+            warnings += not problem.serious
     sys.stdout.write(f"{arguments.folder}: {errors} errors, {warnings} warnings\n")
     return 1 if errors else 0
 
@@ -165,7 +194,8 @@ def _stats(arguments: argparse.Namespace) -> int:
     from joshua_dataset.statistics import as_json
     from joshua_dataset.transform import recomputed
 
-    found = recomputed(arguments.folder, workers=arguments.workers)
+    with _workers(arguments) as workers:
+        found = recomputed(arguments.folder, workers=workers)
     features = Dataset.read(arguments.folder).features
     figures = ("min", "mean", "max", "std")
     rows = [("FEATURE", "NAME", *map(str.upper, figures))]
@@ -233,14 +263,14 @@ def _progress() -> Iterator[Callable[[int, int], None]]:
 def _build(sources: Any, target: Path, arguments: argparse.Namespace) -> int:
     from joshua_dataset.transform import build
 
-    with _progress() as progress:
+    with _workers(arguments) as workers, _progress() as progress:
         count = build(
             sources,
             target,
             table_format=arguments.format,
             codec=arguments.codec,
             pictures=arguments.pictures,
-            workers=arguments.workers,
+            workers=workers,
             progress=progress,
         )
     sys.stdout.write(f"{target}: {count} episodes\n")
@@ -250,7 +280,8 @@ def _build(sources: Any, target: Path, arguments: argparse.Namespace) -> int:
 def _delete(arguments: argparse.Namespace) -> int:
     from joshua_dataset.transform import delete
 
-    left = delete(arguments.folder, arguments.episodes, workers=arguments.workers)
+    with _workers(arguments) as workers:
+        left = delete(arguments.folder, arguments.episodes, workers=workers)
     sys.stdout.write(f"{arguments.folder}: {left} episodes are left\n")
     return 0
 

@@ -1,0 +1,1 @@
+"""JOSHUA's work on a Ray cluster."""

@@ -1,0 +1,340 @@
+"""The executor on a Ray cluster: jobs are tasks, crews are actors, what a lost worker did is done again."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import signal
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from joshua_jobs.executor import Crew, Executor, Item, JobError, Result, Stopped, never
+
+from joshua_ray.addresses import is_loopback, parsed, refuse_unprotected
+
+#: How often a waiting executor asks whether it is stopped, and whether a worker is left.
+POLL_S = 0.5
+
+#: How long a cluster without any worker is given to get one.
+PATIENCE_S = 30.0
+
+#: Workers that one job may lose: it probably kills them.
+ATTEMPTS = 4
+
+#: How long the head may take to accept a connection.
+CONNECT_S = 3.0
+
+#: Share of a core that a member of a crew reserves, so that the cores left after a loss suffice for all.
+SHARE = 0.1
+
+
+class Cluster(Executor):
+    """The workers of a Ray cluster.
+
+    Args:
+        address: HOST:PORT of its head, of which this machine is a node.
+        limit: of jobs at the same time; None for one per core.
+        patience_s: how long a cluster without any worker is given to get one.
+
+    Raises:
+        JobError: it cannot be reached, refuses the token, or has unprotected nodes off the loopback.
+    """
+
+    def __init__(self, address: str, limit: int | None = None, patience_s: float = PATIENCE_S) -> None:
+        self._patience_s, self._limit = patience_s, limit
+        self.address = address
+        self._ray: Any = _connected(address)
+
+    @property
+    def workers(self) -> int:
+        """Cores of the nodes that are alive, or the limit if it is lower."""
+        cores = int(self.cores())
+        return cores if self._limit is None else min(cores, self._limit)
+
+    def cores(self) -> float:
+        """Return the cores of the nodes that are alive, which tasks can reserve."""
+        nodes = self._ray.nodes()
+        return sum(float(node["Resources"].get("CPU", 0.0)) for node in nodes if node["Alive"])
+
+    def in_order(
+        self,
+        function: Callable[[Item], Result],
+        items: Iterable[Item],
+        stopping: Callable[[], bool] = never,
+    ) -> Iterator[Result]:
+        """See ``Executor``."""
+        remote = self._ray.remote(num_cpus=1, max_retries=0)(function)
+        # twice as many as cores, so that none waits for its next job; a limit must hold exactly
+        limit = max(1, 2 * self.workers if self._limit is None else self._limit)
+        waiting: deque[_Job] = deque()
+        try:
+            for item in items:
+                waiting.append(_Job(remote, item, remote.remote(item)))
+                if len(waiting) >= limit:
+                    yield self._result(waiting.popleft(), stopping)
+            while waiting:
+                yield self._result(waiting.popleft(), stopping)
+        finally:
+            for job in waiting:
+                with contextlib.suppress(Exception):
+                    self._ray.cancel(job.answer, force=True)
+
+    def crew(self, make: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> Crew:
+        """See ``Executor``."""
+        return _RayCrew(self, self._ray, make, arguments)
+
+    def close(self) -> None:
+        """See ``Executor``."""
+        module, self._ray = self._ray, None
+        if module is not None:
+            module.shutdown()
+
+    def _result(self, job: _Job, stopping: Callable[[], bool]) -> Any:
+        while True:
+            self.wait(job.answer, 1.0, stopping)
+            found = self.answered(job.answer)
+            if not isinstance(found, _Lost):
+                return found
+            self.lost += 1
+            job.attempts += 1
+            if job.attempts == ATTEMPTS:
+                raise JobError(
+                    f"a job lost its worker {ATTEMPTS} times, the last time because {found.why}. It may need "
+                    "more memory than a worker has: start the nodes with fewer cores (ray start --num-cpus)"
+                )
+            job.answer = job.remote.remote(job.item)
+
+    def wait(self, answer: Any, needed: float, stopping: Callable[[], bool]) -> None:
+        """Wait for an answer.
+
+        Args:
+            needed: cores without which none can come.
+
+        Raises:
+            Stopped: ``stopping`` returned True. JobError: no worker was left for a while.
+        """
+        alone_since: float | None = None
+        while not self._ray.wait([answer], timeout=POLL_S, fetch_local=False)[0]:
+            if stopping():
+                raise Stopped
+            if self.cores() >= needed:
+                alone_since = None
+                continue
+            now = time.monotonic()
+            alone_since = now if alone_since is None else alone_since
+            if now - alone_since >= self._patience_s:
+                raise JobError(
+                    f"all workers of the cluster {self.address} are lost: no node with a free core for "
+                    f"{self._patience_s:g} s. Start nodes (ray start --address={self.address}), and run the "
+                    "command again"
+                )
+
+    def answered(self, answer: Any) -> Any:
+        """Return an answer that is there, or ``_Lost``. Raises the exception of the job."""
+        from ray import exceptions
+
+        try:
+            return self._ray.get(answer)
+        except exceptions.RayTaskError as error:
+            cause = getattr(error, "cause", None)
+            if isinstance(cause, ImportError) or "failed to import on the worker" in str(cause):
+                missing = getattr(cause, "name", None) or _imported_in_vain(str(cause))
+                raise JobError(
+                    f"a worker of the cluster {self.address} cannot import {missing}: install "
+                    "the same distributions of JOSHUA on every node"
+                ) from error
+            if isinstance(cause, Exception):
+                raise cause from None
+            raise JobError(f"a job failed: {error}") from error
+        except (
+            exceptions.WorkerCrashedError,
+            exceptions.LocalRayletDiedError,
+            exceptions.NodeDiedError,
+            exceptions.ObjectLostError,
+            exceptions.OutOfMemoryError,
+            exceptions.RayActorError,
+            exceptions.RaySystemError,
+        ) as error:
+            return _Lost(str(error).partition("\n")[0] or type(error).__name__)
+        except exceptions.RayError as error:
+            raise JobError(f"the cluster {self.address} failed: {error}") from error
+
+
+def _imported_in_vain(text: str) -> str:
+    """Return the module that a traceback of Ray says is missing."""
+    found = re.search(r"No module named '([^']+)'", text)
+    return found[1] if found else "the job"
+
+
+@dataclass
+class _Job:
+    """A job in progress."""
+
+    remote: Any
+    item: Any
+    answer: Any
+    attempts: int = 0
+
+
+@dataclass(frozen=True)
+class _Lost:
+    """Stands for the answer of a worker that is lost."""
+
+    why: str
+
+
+class _Member:
+    """An object in a worker."""
+
+    def __init__(self, make: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+        self._made = make(*arguments)
+
+    def call(self, method: str, *arguments: Any) -> Any:
+        """Call a method of the object."""
+        return getattr(self._made, method)(*arguments)
+
+
+class _RayCrew(Crew):
+    def __init__(
+        self, cluster: Cluster, module: Any, make: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]
+    ) -> None:
+        self._cluster, self._ray, self._make, self._arguments = cluster, module, make, list(arguments)
+        self._kind = module.remote(num_cpus=SHARE, max_restarts=0, scheduling_strategy="SPREAD")(_Member)
+        self._members = [self._made(some) for some in self._arguments]
+
+    def _made(self, arguments: tuple[Any, ...]) -> Any:
+        return self._kind.remote(self._make, arguments)
+
+    def each(
+        self, method: str, arguments: Sequence[tuple[Any, ...]], stopping: Callable[[], bool] = never
+    ) -> list[Any]:
+        """See ``Crew``."""
+        answers = [
+            member.call.remote(method, *some) for member, some in zip(self._members, arguments, strict=True)
+        ]
+        return [
+            self._result(index, method, arguments[index], answers[index], stopping)
+            for index in range(len(answers))
+        ]
+
+    def _result(
+        self, index: int, method: str, arguments: tuple[Any, ...], answer: Any, stopping: Callable[[], bool]
+    ) -> Any:
+        cluster = self._cluster
+        for _ in range(ATTEMPTS):
+            cluster.wait(answer, SHARE * len(self._members), stopping)
+            found = cluster.answered(answer)
+            if not isinstance(found, _Lost):
+                return found
+            cluster.lost += 1
+            self._members[index] = self._made(self._arguments[index])
+            answer = self._members[index].call.remote(method, *arguments)
+        raise JobError(f"a worker was lost {ATTEMPTS} times, the last time because {found.why}")
+
+    def share(self, value: Any) -> Any:
+        """See ``Crew``."""
+        return self._ray.put(value)
+
+    def close(self) -> None:
+        """See ``Crew``."""
+        members, self._members = self._members, []
+        for member in members:
+            with contextlib.suppress(Exception):
+                self._ray.kill(member)
+
+
+def _connected(address: str) -> Any:
+    """Join a cluster as its driver. Raises JobError."""
+    host, port = parsed(address)
+    try:
+        socket.create_connection((host, port), CONNECT_S).close()
+    except OSError as error:
+        raise JobError(
+            f"no Ray cluster answers at {address}: {error.strerror or error}. Start its head "
+            f"(ray start --head --node-ip-address={host} --port={port} --include-dashboard=false), or "
+            "correct the address"
+        ) from error
+    module = _imported()
+    from ray import exceptions
+
+    try:
+        if _is_refused(f"127.0.0.1:{port}" if host == "localhost" else address):
+            raise JobError(_REFUSED.format(address))
+        _init(module, address=address)
+        nodes = module.nodes()
+    except (exceptions.RayError, ConnectionError, RuntimeError, OSError, ValueError) as error:
+        module.shutdown()
+        raise JobError(
+            f"this machine cannot join the Ray cluster at {address}: {error}. Run the command on a node of "
+            f"the cluster (ray start --address={address}), with the same versions of Python and Ray"
+        ) from error
+    far = sorted({node["NodeManagerAddress"] for node in nodes if node["Alive"]} - {host})
+    far = [other for other in far if not is_loopback(other)]
+    try:
+        if far:
+            refuse_unprotected(f"the node {far[0]} of the cluster at {address}", os.environ)
+    except JobError:
+        module.shutdown()
+        raise
+    return module
+
+
+def _is_refused(address: str) -> bool:
+    """Return whether a cluster refuses the token of this process; ``ray.init`` would not say why it fails."""
+    from ray._raylet import GcsClient
+
+    try:
+        return not GcsClient(address=address).cluster_id
+    except Exception as error:  # noqa: BLE001 (ray.init explains everything else)
+        return "auth" in str(error).lower()
+
+
+_REFUSED = (
+    "the Ray cluster at {} refuses the token of this process. Set RAY_AUTH_MODE=token and the token of "
+    "the cluster (RAY_AUTH_TOKEN_PATH, RAY_AUTH_TOKEN, or ~/.ray/auth_token)"
+)
+
+
+def _init(module: Any, **options: Any) -> None:
+    """Call ``ray.init``, and keep the handler of SIGTERM that it replaces."""
+    in_main = threading.current_thread() is threading.main_thread()
+    handler = signal.getsignal(signal.SIGTERM)
+    try:
+        with _loopback_kept():
+            module.init(log_to_driver=False, logging_level="ERROR", **options)
+    finally:
+        if in_main:
+            signal.signal(signal.SIGTERM, handler)
+
+
+@contextlib.contextmanager
+def _loopback_kept() -> Iterator[None]:
+    """Keep Ray from connecting to the network address of this machine in place of the loopback.
+
+    A cluster on the loopback does not listen there.
+    """
+    from ray._private import services
+
+    real = services.resolve_ip_for_localhost
+    services.resolve_ip_for_localhost = lambda host: "127.0.0.1" if host == "localhost" else host
+    try:
+        yield
+    finally:
+        services.resolve_ip_for_localhost = real
+
+
+def _imported() -> Any:
+    """Import Ray, without its reports of use."""
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    import ray
+
+    if ray.is_initialized():
+        raise JobError("this process uses a Ray cluster already")
+    return ray
