@@ -8,8 +8,16 @@ import sys
 from pathlib import Path
 
 from joshua.testing.domain import reserved_domain
+from joshua.tools import plan
 
 PRESET = Path(__file__).resolve().parents[3] / "configs" / "training_rl_ppo.pbtxt"
+
+
+def test_a_trainer_that_fails_ends_the_run() -> None:
+    """Started again, it would begin another run from scratch, again and again on a full disk."""
+    result = plan(PRESET)
+    assert result.plan is not None
+    assert [node.restart for node in result.plan.nodes] == ["stop-run"]
 
 
 def test_without_pytorch_a_run_names_what_to_install(tmp_path: Path) -> None:

@@ -93,6 +93,7 @@ TRAINING = ServiceSpec(
     value=_trainer,
     is_chosen=_trainer_is_chosen,
     topics=_judged,
+    restart="stop-run",  # a trainer that begins again does not continue its run: resume_run does
 )
 
 
