@@ -149,8 +149,8 @@ class Learner:
                 return None
         except Stopped:
             return None
-        except ValueError as error:  # torch's distributions refuse NaN
-            if "constraint" not in str(error):
+        except ValueError as error:  # torch's distributions refuse NaN, or where told not to the environments
+            if not any(part in str(error) for part in ("constraint", "is not finite")):
                 raise
             raise self._diverged("an action") from error
         self._iterations += 1
