@@ -104,7 +104,14 @@ def main() -> None:
 def bare(work: str, rounds: int) -> float:
     """Median time of a chunk of the policy alone, in this process."""
     settings = ToySettings(
-        work=work, latency_s=LATENCY_S, chunk_steps=50, fault="", camera="", reads_task=False, rate_hz=30.0
+        work=work,
+        latency_s=LATENCY_S,
+        chunk_steps=50,
+        fault="",
+        camera="",
+        reads_task=False,
+        joints="",
+        rate_hz=30.0,
     )
     names = tuple(f"joint_{number}" for number in range(1, 7))
     model = ToyPolicy(settings, JointSpace(names, np.full(6, -1.0), np.full(6, 1.0)))

@@ -22,7 +22,6 @@ from joshua.plan.events import (
     Gap,
     LogEntry,
     NodeStatus,
-    Progress,
     RunEvent,
     RunStatus,
     StartTable,
@@ -30,6 +29,7 @@ from joshua.plan.events import (
     event_of,
     event_record,
 )
+from joshua.plan.progress import Progress
 from joshua.supervisor.control_server import STREAM_BACKLOG_BYTES, ControlServer
 from joshua.supervisor.logbook import MAX_STREAMS, Logbook
 from joshua.supervisor.reactor import Reactor
