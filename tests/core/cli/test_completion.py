@@ -125,7 +125,9 @@ def test_an_unknown_shell_is_refused(capsys: pytest.CaptureFixture[str]):
     with pytest.raises(SystemExit) as refusal:
         main(["--print-completion", "tcsh"])
     assert refusal.value.code == 2
-    assert "'bash', 'zsh', 'fish'" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "--print-completion is 'tcsh'; allowed: bash, zsh, fish" in said
+    assert "nearest: task" not in said, "the nearest command is no shell"
 
 
 def test_arguments_of_subcommands_are_found():

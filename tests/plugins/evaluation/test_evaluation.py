@@ -285,7 +285,7 @@ def test_weights_that_do_not_fit_the_environment_are_refused(tmp_path: Path) -> 
     node, context = prepared(tmp_path, "other")
     node.activate()
     assert node._ended.wait(60)
-    with pytest.raises(Exception, match=r"sees observation\.to_cube of shape \[3\], but the environment"):
+    with pytest.raises(Exception, match=r"expects observation\.to_cube of shape \[3\], but the environment"):
         context.stop()
 
 

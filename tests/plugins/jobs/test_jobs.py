@@ -7,28 +7,10 @@ import os
 from collections.abc import Iterator
 
 import pytest
+from job_functions import Counter, process_of, squared
 from joshua_jobs.choice import add_options, check_address, chosen, opened
 from joshua_jobs.executor import JobError, Stopped
 from joshua_jobs.processes import Processes, in_order
-
-
-def squared(number: int) -> int:
-    if number == 3:
-        raise ValueError("three")
-    return number * number
-
-
-def process_of(_: int) -> int:
-    return os.getpid()
-
-
-class Counter:
-    def __init__(self, start: int) -> None:
-        self.value = start
-
-    def add(self, number: int) -> int:
-        self.value += number
-        return self.value
 
 
 @pytest.mark.parametrize("workers", [1, 2])

@@ -50,7 +50,7 @@ def test_an_offset_beyond_the_register_is_refused_before_anything_is_written(
     target: ServoCalibrationTarget, offset: int
 ) -> None:
     before = target.stored()
-    with pytest.raises(DeviceError, match=rf"-2047 to 2047, not {offset}; repeat this joint"):
+    with pytest.raises(DeviceError, match=rf"-2047 to 2047, found {offset}; repeat this joint"):
         target.store(1, StoredMotor(offset, 0, 4095))
     assert target.stored() == before
 

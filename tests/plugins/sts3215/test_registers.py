@@ -32,12 +32,12 @@ def test_signed_values_match_the_vendors_sdk(value: int) -> None:
 
 @pytest.mark.parametrize("value", [2048, -2048])
 def test_an_offset_that_does_not_fit_is_refused(value: int) -> None:
-    with pytest.raises(ValueError, match=f"homing_offset holds -2047 to 2047, not {value}"):
+    with pytest.raises(ValueError, match=f"homing_offset accepts -2047 to 2047, found {value}"):
         HOMING_OFFSET.encode(value)
 
 
 def test_unsigned_registers_refuse_negative_values() -> None:
-    with pytest.raises(ValueError, match="lock holds 0 to 255, not -1"):
+    with pytest.raises(ValueError, match="lock accepts 0 to 255, found -1"):
         registers.LOCK.encode(-1)
     assert GOAL_POSITION.encode(-1) == b"\x01\x80"
 

@@ -62,7 +62,7 @@ def test_a_shared_gamepad_is_the_gamepad(pad: EmulatedGamepad, tmp_path: Path) -
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None
-        assert process.stdout.readline().startswith("shares Emulated Xbox Controller at ")
+        assert process.stdout.readline().startswith("sharing Emulated Xbox Controller at ")
         assert path.stat().st_mode & 0o777 == 0o600
         device = RemoteDevice(str(path))
         assert device.capabilities.name == "Emulated Xbox Controller"

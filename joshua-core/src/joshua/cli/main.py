@@ -24,7 +24,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         # Imported here, so that Ctrl-C during the import exits cleanly.
         from joshua.cli.parser import parse
+        from joshua.plan.lazy import without_pydantic_plugins
 
+        without_pydantic_plugins()
         parser, arguments = parse(argv)
         if arguments.version:
             return print_version()
@@ -118,10 +120,7 @@ def program() -> None:
 
     A check neither collects garbage nor frees its memory at the end, which would take a fifth of its time.
     """
-    from joshua.plan.lazy import without_pydantic_plugins
-
     _ready_streams()
-    without_pydantic_plugins()
     only_checks = "--validate-only" in sys.argv
     if only_checks:
         gc.disable()

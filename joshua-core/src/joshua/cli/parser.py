@@ -61,10 +61,10 @@ class Parser(argparse.ArgumentParser):
         is_command = message.startswith("argument COMMAND:")
         if choice := re.fullmatch(r"argument (.+): invalid choice: (.+) \(choose from (.+)\)", message):
             name, found, choices = choice.groups()
-            allowed = choices.replace("'", "")
-            message = (
-                f"there is no command {found}" if is_command else f"{name} is {found}; allowed: {allowed}"
-            )
+            message = f"there is no command {found}"
+            if not is_command:
+                word, allowed = "", choices.replace("'", "")
+                message = f"{name} is {found}; allowed: {allowed}"
         words = message.partition("unrecognized arguments:")[2].split()
         unrecognized = [word.partition("=")[0] for word in words if word.startswith("-")]
         lines = [f"{self.prog}: error: {message}"]

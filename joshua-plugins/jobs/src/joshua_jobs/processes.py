@@ -88,13 +88,13 @@ class Processes(Executor):
 
 def _result(future: Future[Result], stopping: Callable[[], bool]) -> Result:
     while True:
+        if stopping():
+            raise Stopped
         try:
             return future.result(None if stopping is never else POLL_S)
         except NotYet:
-            if future.done():
+            if future.done():  # the function itself raised it
                 raise
-            if stopping():
-                raise Stopped from None
 
 
 class _Here(Crew):
