@@ -55,6 +55,25 @@ def commands() -> str:
     return _svg(296, "Nodes outside the file command a follower over two external topics", body)
 
 
+def cluster() -> str:
+    """Return how a command spreads episodes over the nodes of a Ray cluster."""
+    command, head = (14.0, 86.0, 132.0, 64.0), (214.0, 86.0, 132.0, 64.0)
+    nodes = [(414.0, 14.0 + 72.0 * number, 132.0, 60.0) for number in range(3)]
+    body = [
+        _box(command, "your command", "--ray ADDRESS", BLUE),
+        _box(head, "Ray's head", "schedules", GREY),
+        *(_box(place, f"node {number}", "a worker a core", GREEN) for number, place in enumerate(nodes, 1)),
+        _arrow(command, head, "episodes"),
+        *(_path(f"M346 118 L410 {int(top + 30)}") for _, top, _, _ in nodes),
+        _path("M480 218 V256 H80 V154"),
+        _text(280, 246, "results, in order"),
+        _text(
+            14, 290, "Keep robots out of the cluster: Ray's messages can run code.", anchor="start", size=13
+        ),
+    ]
+    return _svg(304, "A command spreads the episodes of a data set over a Ray cluster", body)
+
+
 def frames() -> str:
     """Return how samples of streams become frames at a fixed rate."""
     left, right, step = 184, 530, 69
@@ -141,7 +160,7 @@ def _svg(height: int, title: str, body: list[str]) -> str:
     )
 
 
-DIAGRAMS = {"road.svg": road, "ros-commands.svg": commands, "frames.svg": frames}
+DIAGRAMS = {"road.svg": road, "ros-commands.svg": commands, "frames.svg": frames, "cluster.svg": cluster}
 
 
 def main() -> int:
