@@ -45,7 +45,6 @@ SMALL: dict[str, Any] = {
 }
 
 torch.set_num_threads(1)
-
 _RESERVED = contextlib.ExitStack()
 
 
@@ -212,8 +211,7 @@ def test_a_loss_that_is_no_number_stops_with_what_to_do(monkeypatch: pytest.Monk
     assert not np.isfinite(batch["weights.value_net.weight"]).any()
     with torch.no_grad():
         made.policy.action_net.weight.fill_(float("nan"))
-    # with the checks of torch's distributions, and as other libraries switch them off
-    for checked in (True, False):
+    for checked in (True, False):  # some libraries switch the checks of torch's distributions off
         monkeypatch.setattr(torch.distributions.Distribution, "_validate_args", checked)
         with pytest.raises(DivergedError, match="an action is not a number"):
             made.iterate()
@@ -315,7 +313,6 @@ ai {{ training {{
 
 @functools.cache
 def own_domain() -> int:
-    """A ROS domain that no other run takes until this process ends."""
     return _RESERVED.enter_context(reserved_domain())
 
 
