@@ -19,6 +19,7 @@ class OutOfMemoryError(RuntimeError):
         MemoryError("Unable to allocate 80 GiB"),
         OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 GiB."),
         RuntimeError("[enforce fail at alloc_cpu.cpp:117] DefaultCPUAllocator: can't allocate memory"),
+        RuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 17592186044416 bytes."),
     ],
     ids=lambda error: type(error).__name__,
 )

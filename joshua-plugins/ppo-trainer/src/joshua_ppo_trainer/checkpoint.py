@@ -1,24 +1,21 @@
-"""State of a learner without pickle: weights, optimiser, normalisation, random generators, environments."""
+"""State of a learner in PyTorch as arrays: weights, optimiser, random generators."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from joshua_training.run_folder import RunError
-from safetensors import SafetensorError
-from safetensors.numpy import load as load_arrays
-from safetensors.numpy import save as save_arrays
 
-from joshua_ppo_trainer.policy import ABOUT, WEIGHTS
+from joshua_ppo_trainer.files import STATE as STATE
+from joshua_ppo_trainer.files import TRAINING as TRAINING
+from joshua_ppo_trainer.files import as_files as as_files
+from joshua_ppo_trainer.files import packed as packed
+from joshua_ppo_trainer.files import read as read
 
 Arrays = dict[str, Any]
-
-TRAINING, STATE = "training.safetensors", "state.json"
 
 
 def weights_of(module: torch.nn.Module, prefix: str = "") -> Arrays:
@@ -93,40 +90,3 @@ def space_state(space: Any) -> dict[str, Any]:
 def load_space(space: Any, state: Mapping[str, Any]) -> None:
     """Load the random generator of a space."""
     space.np_random.bit_generator.state = dict(state)
-
-
-def packed(arrays: Mapping[str, Any]) -> bytes:
-    """Serialise arrays as safetensors."""
-    content: bytes = save_arrays({name: np.ascontiguousarray(value) for name, value in arrays.items()})
-    return content
-
-
-def as_files(
-    policy: Arrays, training: Arrays, state: Mapping[str, Any], about: Mapping[str, Any]
-) -> dict[str, bytes]:
-    """Return the files of a checkpoint by name; ``about`` describes the policy."""
-    return {
-        ABOUT: json.dumps(about, indent=2, sort_keys=True).encode() + b"\n",
-        WEIGHTS: packed(policy),
-        TRAINING: packed(training),
-        STATE: json.dumps(state, indent=2, sort_keys=True).encode() + b"\n",
-    }
-
-
-def read(folder: Path) -> tuple[Arrays, Arrays, dict[str, Any]]:
-    """Read a checkpoint: weights, further arrays of the training, and the state.
-
-    Raises:
-        RunError: a file is missing, truncated or not from this trainer.
-    """
-    try:
-        policy = load_arrays((folder / WEIGHTS).read_bytes())
-        training = load_arrays((folder / TRAINING).read_bytes())
-        state = json.loads((folder / STATE).read_text(encoding="utf-8"))
-        if not isinstance(state, dict) or "steps" not in state:
-            raise ValueError(f"{STATE} has no steps")
-    except (OSError, ValueError, SafetensorError) as error:
-        raise RunError(
-            f"the checkpoint {folder} cannot be used: {error}: remove it to continue from an older one"
-        ) from error
-    return policy, training, state

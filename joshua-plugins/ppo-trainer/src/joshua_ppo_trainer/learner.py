@@ -16,6 +16,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 
 from joshua_ppo_trainer import checkpoint
+from joshua_ppo_trainer.files import DivergedError as DivergedError
 from joshua_ppo_trainer.normalise import Normaliser
 from joshua_ppo_trainer.settings import TrainerSettings
 from joshua_ppo_trainer.vec_env import BatchedVecEnv
@@ -28,10 +29,6 @@ SAC_STEPS = 2_000
 
 class Stopped(Exception):
     """The learner was stopped in the middle of an iteration."""
-
-
-class DivergedError(RunError):
-    """The loss is not a number."""
 
 
 class _StoppableBuffer(RolloutBuffer):  # type: ignore[misc,unused-ignore]

@@ -1,17 +1,20 @@
-"""Node of the trainer: makes the environments, learns on its own thread, writes the run's folder."""
+"""Nodes of trainers by reinforcement: environments and learner, in the folder of a run."""
 
 from __future__ import annotations
 
 import re
+from abc import abstractmethod
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from joshua.api import FieldError, NodeContext
 from joshua.tools import load_target
 from joshua_training.run_folder import LibraryMissing, RunError
 from joshua_training.trainer import LearningNode
 
+from joshua_ppo_trainer import files
 from joshua_ppo_trainer.settings import TrainerSettings
 
 #: The samples and weights of an update whose loss was not a number.
@@ -21,43 +24,46 @@ BATCH = "diverged.safetensors"
 _HIDDEN = {"environment", "environment_id", "output_folder", "resume_run", "tracking"}
 
 
-class PpoTrainer(LearningNode):
-    """Trains a policy by PPO or SAC, and ends the run when all steps are done."""
+class RlTrainer(LearningNode):
+    """Trains a policy in simulated environments, and ends the run when all steps are done."""
 
     SHOWN = (("episode/success_rate", "success {:.2f}"), ("episode/return", "return {:.1f}"))
     FREE = ("total_timesteps", "checkpoint_steps", "physics_threads", "learning_rate")
 
+    #: Settings of the trainer, and its simulator.
+    SETTINGS: ClassVar[type[TrainerSettings]] = TrainerSettings
+    BACKEND: ClassVar[str] = "BACKEND_MUJOCO"
+
     def __init__(self, context: NodeContext) -> None:
         super().__init__(context)
-        self._settings = TrainerSettings.model_validate(context.spec.settings)
+        self.settings = self.SETTINGS.model_validate(context.spec.settings)
         self._environment: Any = None
         self._learner: Any = None
+
+    @abstractmethod
+    def make(self, chosen: Any, seed: int) -> tuple[Any, Any]:
+        """Make environments and learner, with the complete ``settings``.
+
+        Args:
+            chosen: environment of the plan; seed: of everything random.
+
+        Raises:
+            RunError: a library is missing, or the environment does not fit.
+        """
 
     def configure(self) -> None:
         """Make or open the run and its environments."""
         chosen = self.facts.environment
         if chosen is None:
             raise RunError("the plan has no environment: set ai.training.environment_id")
-        try:
-            import tensorboard  # noqa: F401
-            import torch
-
-            from joshua_ppo_trainer import checkpoint
-            from joshua_ppo_trainer.learner import Learner
-        except ImportError as error:
-            raise LibraryMissing(
-                f"training requires {error.name}, which is not installed: "
-                "install joshua-ppo-trainer[learn] "
-                "(from a clone: ./run --with 'ppo-trainer[learn],mujoco-sim')"
-            ) from error
-        torch.set_num_threads(1)  # with small networks, more threads only wait for each other
-        settings = self._settings = self._settings.suitable(chosen.environment_id)
+        settings = self.settings = self.settings.suitable(chosen.environment_id)
         try:
             settings.check_batch()
         except FieldError as error:  # known only here if the file names no environment
             raise RunError(f"{error}: {error.remedy}") from error
         seed = 0 if chosen.seed is None else chosen.seed
         facts: dict[str, Any] = {
+            "simulator_backend": self.BACKEND,
             "environment": chosen.environment_id,
             "reward_function": chosen.reward_function,
             "seed": seed,
@@ -66,35 +72,13 @@ class PpoTrainer(LearningNode):
         self.checkpoint_steps = settings.checkpoint_steps
         self.halves = settings.halves()
         continued = self.reopen(settings.resume_run, facts)
-        options = {"threads": settings.physics_threads, "autoreset_mode": "SameStep"}
-        self._environment = load_target(chosen.make)(
-            chosen.environment_id,
-            reward_function=chosen.reward_function,
-            num_envs=chosen.num_envs,
-            seed=seed,
-            **options,
-            **({"randomise": True} if settings.randomise else {}),
-        )
-        if not hasattr(self._environment, "advance"):
-            raise RunError(
-                f"{chosen.environment_id} runs one environment after the other here; this trainer requires "
-                "environments that step together: install MuJoCo 4 (Python 3.11)"
-            )
-        self._environment.reset(seed=seed)
-        self._learner = Learner(
-            settings, self._environment, seed, lambda: self.context.stopping, self._tell_steps
-        )
+        self._environment, self._learner = self.make(chosen, seed)
         if continued is None:
             name = chosen.environment_id.partition("/")[2] or chosen.environment_id
             self.begin(settings.output_folder, re.sub(r"[^A-Za-z0-9]+", "-", name), facts)
         else:
-            self._learner.restore(*checkpoint.read(continued))
+            self._learner.restore(*files.read(continued))
             self.continue_after(continued)
-
-    def release(self) -> None:
-        """Close the environments."""
-        if self._environment is not None:
-            self._environment.close()
 
     @property
     def steps(self) -> int:
@@ -104,36 +88,30 @@ class PpoTrainer(LearningNode):
     @property
     def total(self) -> int:
         """Environment steps of the whole training."""
-        return self._settings.total_timesteps
+        return self.settings.total_timesteps
 
     def advance(self) -> Mapping[str, float] | None:
         """Collect and update once."""
-        from joshua_ppo_trainer.learner import DivergedError
-
         try:
             row: Mapping[str, float] | None = self._learner.iterate()
-        except DivergedError as error:
+        except files.DivergedError as error:
             raise RunError(f"{error}; {self._kept_batch()}") from error
         return row
 
     def save(self) -> Path:
         """Write a checkpoint: policy, training, state."""
-        from joshua_ppo_trainer import checkpoint
-
         policy, training, state = self._learner.snapshot()
-        files = checkpoint.as_files(policy, training, state, self._about_policy(training))
-        return self.folder.save(state["steps"], files)
+        content = files.as_files(policy, training, state, self._about_policy(training))
+        return self.folder.save(state["steps"], content)
 
     def _kept_batch(self) -> str:
         """Write the samples of the last update and the weights after it; return where."""
-        from joshua_ppo_trainer import checkpoint
-
-        path = self.folder.write(BATCH, checkpoint.packed(self._learner.last_batch()))
+        path = self.folder.write(BATCH, files.packed(self._learner.last_batch()))
         return f"the batch and the weights are in {path}"
 
     def _about_policy(self, training: dict[str, Any]) -> dict[str, Any]:
         """Describe the inputs and outputs of a policy, and the scaling of its inputs."""
-        settings, moments = self._settings, "normalise.observed"
+        settings, moments = self.settings, "normalise.observed"
         seen = {key: training[f"{moments}.{key}"].tolist() for key in ("mean", "variance")}
         return {
             **_policy_facts(self.facts.environment, self._environment),
@@ -143,9 +121,53 @@ class PpoTrainer(LearningNode):
             "normalisation": seen if settings.normalize_observations else None,
         }
 
-    def _tell_steps(self, steps: int) -> None:
-        total = self._settings.total_timesteps
+    def tell_steps(self, steps: int) -> None:
+        """Report the progress."""
+        total = self.settings.total_timesteps
         self.context.progress("training", float(min(steps, total)), float(total), unit="steps")
+
+
+class PpoTrainer(RlTrainer):
+    """Trains a policy by PPO or SAC on the CPU."""
+
+    def make(self, chosen: Any, seed: int) -> tuple[Any, Any]:
+        """Make the environments and the learner. Raises RunError."""
+        try:
+            for name in ("torch", "safetensors", "tensorboard"):
+                import_module(name)
+            import torch
+
+            from joshua_ppo_trainer.learner import Learner
+        except ImportError as error:
+            raise LibraryMissing(
+                f"training requires {error.name}, which is not installed: "
+                "install joshua-ppo-trainer[learn] "
+                "(from a clone: ./run --with 'ppo-trainer[learn],mujoco-sim')"
+            ) from error
+        torch.set_num_threads(1)  # with small networks, more threads only wait for each other
+        settings = self.settings
+        options = {"threads": settings.physics_threads, "autoreset_mode": "SameStep"}
+        environment = load_target(chosen.make)(
+            chosen.environment_id,
+            reward_function=chosen.reward_function,
+            num_envs=chosen.num_envs,
+            seed=seed,
+            **options,
+            **({"randomise": True} if settings.randomise else {}),
+        )
+        if not hasattr(environment, "advance"):
+            raise RunError(
+                f"{chosen.environment_id} runs one environment after the other here; this trainer requires "
+                "environments that step together: install MuJoCo 4 (Python 3.11)"
+            )
+        environment.reset(seed=seed)
+        learner = Learner(settings, environment, seed, lambda: self.context.stopping, self.tell_steps)
+        return environment, learner
+
+    def release(self) -> None:
+        """Close the environments."""
+        if self._environment is not None:
+            self._environment.close()
 
 
 def _policy_facts(chosen: Any, environment: Any) -> dict[str, Any]:

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from joshua_training.run_folder import RunError
 
-#: What PyTorch says if a processor has no memory left; its error on a GPU has a class of its own.
-_CPU = "can't allocate memory"
+#: What PyTorch says if a processor has no memory left, and JAX of any device; PyTorch's error on a GPU has
+#: a class of its own.
+_FULL = ("can't allocate memory", "RESOURCE_EXHAUSTED")
 
 
 @contextmanager
@@ -29,11 +30,11 @@ def remedied(halves: str) -> Iterator[None]:
 
 
 def is_out_of_memory(error: BaseException) -> bool:
-    """Whether an error of Python, NumPy or PyTorch says that the memory is full."""
+    """Whether an error of Python, NumPy, PyTorch or JAX says that the memory is full."""
     return (
         isinstance(error, MemoryError)
         or type(error).__name__ == "OutOfMemoryError"
-        or (isinstance(error, RuntimeError) and _CPU in str(error))
+        or (isinstance(error, RuntimeError) and any(said in str(error) for said in _FULL))
     )
 
 

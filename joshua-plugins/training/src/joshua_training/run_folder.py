@@ -20,6 +20,7 @@ KEPT = 3
 RECORDED = (
     *("joshua-core", "joshua-training", "joshua-ppo-trainer", "joshua-imitation", "joshua-mujoco-sim"),
     *("joshua-dataset", "stable-baselines3", "lerobot", "transformers", "torch", "torchvision", "mujoco"),
+    *("joshua-mjx-trainer", "jax", "jaxlib", "mujoco-mjx"),
     *("numpy", "gymnasium", "safetensors", "av", "pyarrow"),
     *("joshua-isaac-trainer", "isaacsim", "isaaclab", "rsl-rl-lib"),
 )

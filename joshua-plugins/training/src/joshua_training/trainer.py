@@ -192,9 +192,8 @@ class LearningNode(RunNode):
             picture = draw(self.folder)
             if self.steps >= self.total:
                 drawn = f", its curves in {picture}" if picture is not None else ""
-                self.context.end_run(
-                    f"{self.steps} {self.UNIT} learned: {self._shown(latest)}; {self.result()}{drawn}"
-                )
+                shown = f": {self._shown(latest)}" if self._shown(latest) else ""
+                self.context.end_run(f"{self.steps} {self.UNIT} learned{shown}; {self.result()}{drawn}")
         except OSError as error:
             raise RunError(
                 f"{self.folder.path} cannot be written: {error.strerror or error}: free some space, and "
