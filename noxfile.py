@@ -134,13 +134,22 @@ def ros(session: nox.Session) -> None:
 
 @nox.session
 def mjx(session: nox.Session) -> None:
-    """The simulation's models on JAX, which is too heavy for every run of the tests."""
-    needed = ("pytest", "pytest-timeout", "hypothesis", "mujoco-mjx", "jax")
-    install(session, *needed, *editable(CORE, f"{PLUGIN}/mujoco-sim"))
+    """The simulation's models and PPO on JAX, which is too heavy for every run of the tests.
+
+    ``-- bench`` prints how fast PPO is beside brax's on the same model, ``-- gpu`` the same on an NVIDIA GPU.
+    """
+    needed = ("pytest", "pytest-timeout", "hypothesis", "mujoco-mjx", "jax", "safetensors", "tensorboard")
+    install(
+        session, *needed, *editable(CORE, *(f"{PLUGIN}/{name}" for name in ("mujoco-sim", "mjx-trainer")))
+    )
+    if session.posargs[:1] in (["bench"], ["gpu"]):
+        session.install("brax", *(["jax[cuda12]"] if session.posargs[0] == "gpu" else []))
+        session.run("python", "tests/plugins/mjx_trainer/bench_mjx.py", *session.posargs[1:])
+        return
     session.run(
         "pytest",
-        *("-p", "no:cacheprovider", "-W", "default", "--timeout", "600"),
-        *(session.posargs or ["tests/plugins/mujoco_sim/test_mjx.py"]),
+        *("-p", "no:cacheprovider", "-W", "default", "--timeout", "600", "--durations=10"),
+        *(session.posargs or ["tests/plugins/mujoco_sim/test_mjx.py", "tests/plugins/mjx_trainer"]),
     )
 
 

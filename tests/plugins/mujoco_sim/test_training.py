@@ -175,6 +175,8 @@ def test_without_mujoco_4_they_run_one_after_the_other(monkeypatch: pytest.Monke
     assert np.array_equal(together.step(actions)[0], apart.step(actions)[0])
 
 
+BLOCKED = ("--block-plugin", "joshua-mjx-trainer")  # which provides BACKEND_MJX, too
+
 TRAINER = """
 from joshua import api
 from joshua.plugins import TrainerSpec, hookimpl
@@ -219,7 +221,7 @@ def test_a_trainer_only_asks_for_it(tmp_path: Path) -> None:
     path = write(tmp_path, training_file(reward="reach_sparse", seed="seed: 7"))
     with reserved_domain() as domain:
         ended = subprocess.run(
-            [sys.executable, "-m", "joshua.cli.main", "--config", str(path)],
+            [sys.executable, "-m", "joshua.cli.main", "--config", str(path), *BLOCKED],
             env=os.environ | {"ROS_DOMAIN_ID": str(domain), "PYTHONPATH": str(tmp_path)},
             capture_output=True,
             text=True,

@@ -1,0 +1,1 @@
+"""Reinforcement learning on accelerators: PPO in JAX, in many environments on MuJoCo XLA."""

@@ -1,0 +1,232 @@
+"""PPO in JAX: learning, stopping, continuing bit for bit. `./test -s mjx` runs these."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium import spaces
+from joshua.schema import config_pb2 as pb
+from joshua_mujoco_sim.envs import TASKS
+from joshua_ppo_trainer import files
+from joshua_ppo_trainer.files import DivergedError
+from joshua_ppo_trainer.policy import Policy
+from joshua_training.memory import remedied
+from joshua_training.run_folder import RunError, RunFolder
+
+jax = pytest.importorskip("jax", reason="needs JAX: run ./test -s mjx")
+jnp = pytest.importorskip("jax.numpy")
+
+from joshua_mjx_trainer import network  # noqa: E402
+from joshua_mjx_trainer.environment import KeyDraws, MjxEnvironments, Step  # noqa: E402
+from joshua_mjx_trainer.learner import Learner  # noqa: E402
+from joshua_mjx_trainer.settings import MjxSettings  # noqa: E402
+
+SMALL: dict[str, Any] = {
+    "algorithm": "PPO",
+    "num_envs": 16,
+    "total_timesteps": 1000,
+    "learning_rate": 0.003,
+    "gamma": 0.9,
+    "batch_size": 32,
+    "n_steps": 12,
+    "n_epochs": 2,
+    "hidden_sizes": [16],
+}
+
+
+@pytest.fixture(autouse=True)
+def single_precision() -> Any:
+    """As in a training; other tests compare with MuJoCo in double precision."""
+    jax.config.update("jax_enable_x64", False)
+    yield
+    jax.config.update("jax_enable_x64", False)
+
+
+class Points:
+    """Environments that compile at once: points on a line, which the action moves to their goals."""
+
+    task = SimpleNamespace(action_size=2)
+    single_observation_space = spaces.Box(-np.inf, np.inf, (3,), np.float32)
+
+    def reset(self, keys: Any) -> Any:
+        draws = KeyDraws(keys)
+        carry = {"place": draws.uniform(-1.0, 1.0), "left": jnp.full(len(keys), 9, jnp.int32)}
+        carry["keys"] = draws.keys
+        return carry, self.seen(carry)
+
+    def seen(self, carry: Any) -> Any:
+        return jnp.stack([carry["place"], 3.0 + 2.0 * carry["place"], 0.1 * carry["left"]], axis=1)
+
+    def step(self, carry: Any, actions: Any) -> Any:
+        place = carry["place"] + 0.3 * jnp.clip(actions[:, 0], -1.0, 1.0)
+        moved = {**carry, "place": place, "left": carry["left"] - 1}
+        done = jnp.abs(place) < 0.1
+        cut = (moved["left"] <= 0) & ~done
+        final = self.seen(moved)
+        rewards = jnp.abs(carry["place"]) - jnp.abs(place) + done
+        fresh, _ = self.reset(carry["keys"])
+        over = done | cut
+        moved = {k: jnp.where(over.reshape(-1, *(1,) * (v.ndim - 1)), fresh[k], v) for k, v in moved.items()}
+        return moved, Step(self.seen(moved), final, rewards, done, cut, done)
+
+
+def settings(**fields: Any) -> MjxSettings:
+    block = pb.Training(environment=pb.ENV_SIMULATION, rl_config=pb.RLConfig(**{**SMALL, **fields}))
+    return MjxSettings.from_block(block).suitable("acme/Points-v0")
+
+
+def learner(environments: Any = None, seed: int = 5, **fields: Any) -> Learner:
+    return Learner(settings(**fields), environments or Points(), seed)
+
+
+def rows(made: Learner, count: int) -> list[dict[str, float]]:
+    found = []
+    for _ in range(count):
+        row = made.iterate()
+        assert row is not None
+        found.append({key: value for key, value in row.items() if not key.startswith("rate/")})
+    return found
+
+
+def weights(made: Learner) -> dict[str, Any]:
+    return made.snapshot()[0]
+
+
+def differ(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    return one.keys() != other.keys() or any(not np.array_equal(one[key], other[key]) for key in one)
+
+
+def uncompiled(**fields: Any) -> dict[str, Any]:
+    """The weights after an iteration; each setting would be compiled anew, for seconds."""
+    made = learner(**fields)
+    with jax.disable_jit():
+        rows(made, 1)
+    return weights(made)
+
+
+@pytest.fixture(scope="module")
+def base() -> dict[str, Any]:
+    return uncompiled()
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {},
+        {"num_envs": 12},
+        {"learning_rate": 0.001},
+        {"gamma": 0.5},
+        {"clip_range": 0.01},
+        {"batch_size": 16},
+        {"n_steps": 6},
+        {"n_epochs": 3},
+        {"gae_lambda": 0.2},
+        {"entropy_weight": 0.5},
+        {"value_weight": 0.1},
+        {"max_grad_norm": 0.01},
+        {"target_kl": 0.00001},
+        {"hidden_sizes": [8]},
+        {"activation": "elu"},
+        {"initial_log_std": -2.0},
+        {"normalize_observations": False},
+        {"normalize_rewards": False},
+    ],
+    ids=lambda changed: next(iter(changed), "nothing"),
+)
+def test_every_field_takes_effect(base: dict[str, Any], changed: dict[str, Any]) -> None:
+    assert differ(base, uncompiled(**changed)) == bool(changed)
+
+
+def test_it_learns() -> None:
+    made = learner(num_envs=64, n_steps=16, batch_size=128, n_epochs=4)
+    first, *_, last = rows(made, 25)
+    assert last["episode/success_rate"] > 0.98 > first["episode/success_rate"] + 0.1
+    assert last["steps"] == 25 * 64 * 16
+    assert last["episode/length"] < 6
+
+
+def test_it_goes_on_from_a_checkpoint_bit_for_bit(tmp_path: Path) -> None:
+    whole = learner()
+    expected = rows(whole, 7)
+    before = learner()
+    rows(before, 4)
+    folder = RunFolder.create(tmp_path, "run", {})
+    path = folder.save(before.steps, files.as_files(*before.snapshot(), {"algorithm": "PPO"}))
+    after = learner(seed=99)
+    after.restore(*files.read(path))
+    assert rows(after, 3) == expected[4:]
+    assert not differ(weights(whole), weights(after))
+    assert {file.suffix for file in path.iterdir()} == {".json", ".safetensors"}
+    for other in ({"num_envs": 12}, {"hidden_sizes": [8]}):
+        with pytest.raises(RunError, match=r"does not fit the file: .*: continue with the num_envs"):
+            learner(**other).restore(*files.read(path))
+
+
+def test_a_stop_in_the_middle_keeps_the_last_whole_iteration() -> None:
+    made = learner(n_epochs=50)
+    rows(made, 1)
+    kept, asked = weights(made), iter([False, False, False, True])
+    made._asked = lambda: next(asked)
+    assert made.iterate() is None
+    assert not differ(kept, weights(made))
+    assert made.snapshot()[2]["steps"] == 12 * 16
+
+
+def test_a_loss_that_is_no_number_stops_with_what_to_do() -> None:
+    made = learner()
+    rows(made, 1)
+    made.tree["weights"]["value_net.weight"] = jnp.full((1, 16), jnp.inf)
+    kept = weights(made)
+    with pytest.raises(DivergedError, match=r"is not a number after 192 steps: lower learning_rate"):
+        made.iterate()
+    assert not differ(kept, weights(made))
+    batch = made.last_batch()
+    assert batch["observations"].shape == (192, 3)
+    assert not np.isfinite(batch["weights.value_net.weight"]).any()
+
+
+def test_memory_that_does_not_suffice_names_the_setting() -> None:
+    """The device itself refuses 64 TB, which an environment keeps."""
+
+    class Huge(Points):
+        def reset(self, keys: Any) -> Any:
+            carry, seen = super().reset(keys)
+            return {**carry, "much": jnp.zeros((1 << 44,)) + carry["place"][0]}, seen
+
+    with (
+        pytest.raises(RunError, match="the memory is full: halve num_envs, to 8, or n_steps"),
+        remedied(settings().halves()),
+    ):
+        learner(Huge()).iterate()
+
+
+def test_the_policy_of_a_checkpoint_acts_as_the_one_that_learned() -> None:
+    for fields in ({}, {"activation": "elu"}, {"activation": "relu", "normalize_observations": False}):
+        made = learner(**fields)
+        rows(made, 2)
+        policy, training, _ = made.snapshot()
+        moments = {key: training[f"normalise.observed.{key}"].tolist() for key in ("mean", "variance")}
+        about = {
+            "algorithm": "PPO",
+            "activation": made._settings.activation,
+            "action_low": [-1.0] * 2,
+            "action_high": [1.0] * 2,
+            "normalisation": moments if made._settings.normalize_observations else None,
+        }
+        observations = np.random.default_rng(0).normal(size=(9, 3)).astype(np.float32)
+        shown = made._shown(observations, made.tree["normalise"]["observed"])
+        expected = jnp.clip(network.mean_action(made.tree["weights"], shown, made._settings), -1.0, 1.0)
+        assert Policy(about, policy).act(observations) == pytest.approx(np.asarray(expected), abs=1e-5)
+
+
+def test_a_task_with_arrays_of_its_own_is_refused() -> None:
+    def prepare(state: Any) -> None:
+        state.memory["mark"] = np.zeros((state.count, 1))
+
+    with pytest.raises(RunError, match=r"keeps mark in memory, which MuJoCo XLA does not offer: train with"):
+        MjxEnvironments(replace(TASKS["joshua/SoArm100Reach-v0"](), prepare=prepare))
