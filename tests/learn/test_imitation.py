@@ -15,6 +15,11 @@ import numpy as np
 import pytest
 import tiny_policies
 import torch
+from hub_server import TOKEN, HubServer
+from huggingface_hub.utils import reset_sessions
+from joshua_dataset.cloud.copies import store_of
+from joshua_dataset.cloud.store import Tally
+from joshua_dataset.cloud.upload import upload
 from joshua_dataset.reader import Dataset
 from joshua_imitation.build import build
 from joshua_imitation.data import Recording, Windows
@@ -26,6 +31,7 @@ from joshua_imitation.settings import ImitationSettings
 from joshua_lerobot.checkpoint import read_checkpoint
 from joshua_training.run_folder import RunError, RunFolder
 from safetensors.torch import load_file
+from serving import serving
 from tiny_recordings import FPS, JOINTS, write_recording
 
 SMALL: dict[str, Any] = {
@@ -385,3 +391,44 @@ def test_adapters_of_smolvla_are_merged_into_its_checkpoint(
     assert names == set(load_file(tmp_path / "base" / "model.safetensors"))
     assert not any("lora" in name for name in names)
     assert json.loads((kept / POLICY / "config.json").read_text())["use_peft"] is False
+
+
+def test_a_streamed_data_set_teaches_the_same(
+    recording: Path, learner: Callable[..., Learner], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    local = learner(max_steps=4)
+    expected = rows(local)
+    server = HubServer()
+    with serving(server):
+        endpoint = f"http://127.0.0.1:{server.port}"
+        form = endpoint + "/{repo_id}/resolve/{revision}/{filename}"
+        monkeypatch.setenv("HF_TOKEN", TOKEN)
+        for name, value in (
+            ("constants.ENDPOINT", endpoint),
+            ("file_download.HUGGINGFACE_CO_URL_TEMPLATE", form),
+            ("constants.HF_HUB_OFFLINE", False),
+        ):
+            monkeypatch.setattr(f"huggingface_hub.{name}", value)
+        reset_sessions()  # one of an earlier test refuses while offline
+        address = "hf://datasets/me/demos"
+        upload(recording, store_of(address), Tally())
+        for room_mb in (100, 0):
+            built = build(
+                settings(recording, max_steps=4, picture_cache_mb=room_mb).model_copy(
+                    update={"dataset": address}
+                )
+            )
+            stream = built.album._stream
+            assert stream is not None
+            assert (stream.folder / "meta/info.json").is_file()
+            assert not list(stream.folder.rglob("*.mp4"))
+            assert built.album.fill(lambda count: False)
+            assert not stream._blocks
+            streamed = built.learner(RunFolder(recording))
+            assert rows(streamed) == expected
+            assert not differ(weights(local), weights(streamed))
+            assert stream._blocks
+            built.album.close()
+            assert not stream.folder.exists()
+    with pytest.raises(RunError, match=r"hf://datasets/me/none cannot be streamed: .*"):
+        build(settings(recording).model_copy(update={"dataset": "hf://datasets/me/none"}))

@@ -10,7 +10,12 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
+import psutil
+import pytest
 from joshua.testing.domain import reserved_domain
+from joshua.testing.port import free_port
+from safetensors.numpy import load_file
 from tiny_recordings import write_recording
 
 STARTUP = Path(__file__).parent / "startup"
@@ -25,7 +30,7 @@ ai {{
   training {{
     environment: ENV_SIMULATION method: METHOD_IMITATION
     imitation_config {{
-      dataset_name: "demos" num_epochs: 4 learning_rate: 0.001 batch_size: 4 chunk_size: 8
+      dataset_name: "demos" num_epochs: {epochs} learning_rate: 0.001 batch_size: 4 chunk_size: 8
       hidden_size: 32 feedforward_size: 32 encoder_layers: 1 report_steps: 1 validation_steps: 4
       checkpoint_steps: 4 threads: 1 device: "cpu" output_folder: "{name}" {more}
     }}
@@ -35,10 +40,10 @@ ai {{
 
 
 def start(
-    folder: Path, name: str, dataset: Path, *, epochs: int = 8, more: str = ""
+    folder: Path, name: str, dataset: Path, *, epochs: int = 4, more: str = ""
 ) -> subprocess.Popen[str]:
     path = folder / f"{name}{len(more)}.pbtxt"
-    path.write_text(TRAIN.format(name=name, dataset=dataset, more=more))
+    path.write_text(TRAIN.format(name=name, dataset=dataset, epochs=epochs, more=more))
     with reserved_domain() as domain:
         return subprocess.Popen(
             [sys.executable, "-m", "joshua.cli.main", "--config", str(path)],
@@ -102,3 +107,59 @@ def test_a_stopped_and_a_killed_run_go_on_as_if_nothing_had_happened(tmp_path: P
     assert {"joshua-imitation", "lerobot", "torch"} <= set(facts["versions"])
     changed = start(tmp_path, "broken", recording, more=f"{more} seed: 5")
     assert "the run was started with seed 0, but the file says 5" in ended(changed, 1).replace("\n", " ")
+
+
+def test_two_processes_learn_as_one_does_with_twice_the_batches(tmp_path: Path) -> None:
+    recording = write_recording(tmp_path / "recording")
+    ended(start(tmp_path, "alone", recording, more="accumulation_steps: 2"))
+    run = start(tmp_path, "together", recording, more="processes: 2")
+    until(tmp_path / "together", 1)
+    os.killpg(run.pid, signal.SIGINT)
+    said = ended(run)
+    assert "2 processes learn together" in said
+    (folder,) = (tmp_path / "together").iterdir()
+    said = ended(start(tmp_path, "together", recording, more=f'processes: 2 resume_run: "{folder}"'))
+    assert "continuing after" in said
+    assert "12 updates learned" in said
+    (other,) = (tmp_path / "alone").iterdir()
+    same(folder, other)
+
+
+def test_a_killed_process_ends_the_training_with_its_reason(tmp_path: Path) -> None:
+    recording = write_recording(tmp_path / "recording")
+    run = start(tmp_path, "together", recording, epochs=100000, more="processes: 2")
+    until(tmp_path / "together", 1)
+    (worker,) = (
+        process
+        for process in psutil.process_iter(["cmdline"])
+        if "joshua_imitation.worker" in (process.info["cmdline"] or ()) and os.getsid(process.pid) == run.pid
+    )
+    worker.kill()
+    said = " ".join(ended(run, 1).split())
+    assert "a process of this training failed: it was ended by signal 9" in said
+    (folder,) = (tmp_path / "together").iterdir()
+    assert list((folder / "checkpoints").glob("step_*"))
+
+
+def test_two_machines_learn_together(tmp_path: Path) -> None:
+    recording = write_recording(tmp_path / "recording")
+    fields = f'max_steps: 3 machines: 2 main_address: "127.0.0.1:{free_port()}"'
+    second = start(tmp_path, "second", recording, more=f"{fields} machine_rank: 1")
+    ended(start(tmp_path, "first", recording, more=fields))
+    ended(second)
+    ended(start(tmp_path, "alone", recording, more="accumulation_steps: 2 max_steps: 3"))
+    folders = [next((tmp_path / name).iterdir()) for name in ("first", "second", "alone")]
+    same(folders[0], folders[1])
+    same(folders[0], folders[2])
+
+
+def same(one: Path, other: Path) -> None:
+    """Both runs have the same curve and the same weights, but for the order of additions."""
+    for row, expected in zip(curve(one), curve(other), strict=True):
+        assert row == pytest.approx(expected, rel=1e-4, abs=1e-6)
+    weights = [
+        load_file(max((run / "checkpoints").iterdir()) / POLICY / "model.safetensors") for run in (one, other)
+    ]
+    assert weights[0].keys() == weights[1].keys()
+    for name, values in weights[0].items():
+        np.testing.assert_allclose(values, weights[1][name], rtol=1e-3, atol=2e-5, err_msg=name)

@@ -28,7 +28,12 @@ def described(folder: Path, **changes: Any) -> Path:
     return folder / "demos"
 
 
-def errors(folder: Path, fields: str = "", environment: str = "ENV_SIMULATION") -> list[Any]:
+def errors(
+    folder: Path,
+    fields: str = "",
+    environment: str = "ENV_SIMULATION",
+    name: str = 'dataset_name: "demos"',
+) -> list[Any]:
     """What a validation finds."""
     described(folder) if not (folder / "demos").exists() else None
     path = folder / "train.pbtxt"
@@ -39,7 +44,7 @@ ai {{
     environment: {environment}
     method: METHOD_IMITATION
     imitation_config {{
-      dataset_name: "demos" num_epochs: 2 learning_rate: 0.001 batch_size: 4
+      {name} num_epochs: 2 learning_rate: 0.001 batch_size: 4
       {fields}
     }}
   }}
@@ -93,6 +98,10 @@ def test_a_loss_that_a_policy_does_not_have_is_refused_at_its_line(
         ("image_width: 64", "image_width", "image_width is set without image_height"),
         ('device: "cpu" precision: "float16"', "precision", "float16 requires cuda"),
         ('cameras: ["tpo"]', "cameras", "has no pictures of a camera 'tpo'"),
+        ('processes: 2 device: "mps"', "processes", "mps is one device, so 2 processes cannot have one each"),
+        ("machines: 2", "machines", "2 machines have no address where they meet"),
+        ('main_address: "10.0.0.1"', "main_address", '"10.0.0.1" is not a host and a port'),
+        ("machine_rank: 1", "machine_rank", "so 1 of them have no number 1"),
     ],
 )
 def test_what_does_not_fit_together_is_named(tmp_path: Path, fields: str, at: str, said: str) -> None:
@@ -107,7 +116,15 @@ def test_a_robot_is_not_trained_on_with_the_reason(tmp_path: Path) -> None:
     (error,) = (item for item in found if item.field_path == "ai.training.environment")
     assert error.message.startswith("Imitation learns from recorded episodes and moves no robot")
     assert error.allowed == ("ENV_SIMULATION",)
-    assert "MODE_INFERENCE" in error.remedy
+    assert "METHOD_EVAL and ENV_REAL" in error.remedy
+
+
+def test_an_address_is_streamed_and_checked(tmp_path: Path) -> None:
+    assert errors(tmp_path, 'dataset_name: "hf://datasets/acme/demos"', name="") == []
+    (error,) = errors(tmp_path, 'dataset_name: "hf://acme/demos"', name="")
+    assert error.field_path == "ai.training.imitation_config.dataset_name"
+    assert "does not name a data set on the Hub" in error.message
+    assert error.allowed == ("hf://datasets/NAME/DATA",)
 
 
 def test_several_problems_are_told_at_once(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,11 +27,13 @@ class Pictures:
     Attributes:
         path: of a video, a folder of picture files, or the table that holds them.
         from_s: time in the video at which the episode begins; frames: pictures of the episode.
+        opened: opens a video that is elsewhere, by its path; None for a file.
     """
 
     path: Path
     from_s: float
     frames: int
+    opened: Callable[[Path], Any] | None = None
 
 
 def picture_of(data: bytes, path: Path, height: int, width: int) -> npt.NDArray[np.uint8]:
@@ -99,7 +101,8 @@ def picture_at(where: Pictures, number: int, fps: int, height: int, width: int) 
     """
     half_s = 0.5 / fps
     wanted_s = where.from_s + number / fps - half_s
-    with av.open(str(where.path)) as container:
+    file = str(where.path) if where.opened is None else where.opened(where.path)
+    with av.open(file) as container:
         stream = container.streams.video[0]
         _fits(stream, where.path, height, width)
         if wanted_s > 0 and stream.time_base is not None:

@@ -14,6 +14,7 @@ from joshua_training.run_folder import RunError, RunFolder
 
 from joshua_imitation.augmentation import Augmentation
 from joshua_imitation.data import Recording, open_dataset
+from joshua_imitation.group import Group
 from joshua_imitation.learner import POLICY, Learner, read_state
 from joshua_imitation.loader import Maker, Order
 from joshua_imitation.pictures import Album
@@ -27,12 +28,14 @@ class Built:
 
     Attributes:
         learner: makes the learner, given the folder; album: pictures, to be filled first.
+        group: this process among those that learn together.
         features: shapes of the policy's inputs and outputs by key.
         weights: trainable ones; frames, learned: frames and episodes to learn from; kept_back: episodes.
     """
 
     learner: Callable[[RunFolder], Learner]
     album: Album
+    group: Group
     features: dict[str, list[int]]
     weights: int
     frames: int
@@ -40,16 +43,24 @@ class Built:
     kept_back: int
 
 
-def build(settings: ImitationSettings, continued: Path | None = None) -> Built:
+def build(
+    settings: ImitationSettings,
+    continued: Path | None = None,
+    group: Group | None = None,
+    decoded: Path | None = None,
+) -> Built:
     """Build everything but the learner itself.
 
     Args:
         continued: checkpoint of the run to continue.
+        group: this process, if it was started by another; decoded: folder of the pictures of that one.
 
     Raises:
         RunError: data set, settings or checkpoint do not fit; LibraryMissing.
     """
-    device = _device(settings)
+    device = group.device if group is not None else _device(settings)
+    is_first = group is None
+    group = group or Group.of(settings, device)
     if continued is not None:
         read_state(continued)
         try:
@@ -60,9 +71,9 @@ def build(settings: ImitationSettings, continued: Path | None = None) -> Built:
                 "older one"
             ) from error
     torch.manual_seed(settings.seed)
-    dataset = open_dataset(settings.dataset)
+    dataset, stream = open_dataset(settings.dataset)
     try:
-        recording = Recording(dataset, settings.cameras)
+        recording = Recording(dataset, settings.cameras, stream)
     except DatasetError as error:
         raise RunError(str(error)) from error
     size = (
@@ -71,7 +82,7 @@ def build(settings: ImitationSettings, continued: Path | None = None) -> Built:
         else None
     )
     learned, kept_back = recording.split(settings.validation_share, settings.seed)
-    album = Album(recording, size, settings.picture_cache_mb)
+    album = Album(recording, size, settings.picture_cache_mb, decoded)
     try:
         place = continued / POLICY if continued is not None else None
 
@@ -81,6 +92,8 @@ def build(settings: ImitationSettings, continued: Path | None = None) -> Built:
                 settings.batch_size,
                 settings.accumulation_steps,
                 settings.seed,
+                group.rank,
+                group.size,
             )
             whole = settings.num_epochs * order.updates_per_epoch
             return order, min(whole, settings.max_steps or whole)
@@ -102,13 +115,14 @@ def build(settings: ImitationSettings, continued: Path | None = None) -> Built:
     )
     maker = Maker(recording, album, parts.windows, augmentation)
     judge = Maker(recording, album, parts.windows)
-    judged = recording.frames(kept_back, parts.drop_last)
+    judged = recording.frames(kept_back if is_first else [], parts.drop_last)
     shapes = {**parts.config.input_features, **parts.config.output_features}
     return Built(
         learner=lambda folder: Learner(
-            settings, parts, recording, maker, judge, order, judged, last, folder, device
+            settings, parts, recording, maker, judge, order, judged, last, folder, group
         ),
         album=album,
+        group=group,
         features={key: list(feature.shape) for key, feature in shapes.items()},
         weights=sum(weight.numel() for weight in parts.policy.parameters() if weight.requires_grad),
         frames=len(recording.frames(learned, parts.drop_last)),
@@ -136,4 +150,10 @@ def _device(settings: ImitationSettings) -> str:
         chosen = settings.device
     if settings.precision == "float16" and chosen != "cuda":
         raise RunError(f'float16 requires cuda, but the device is {chosen}: set precision: "bfloat16"')
+    if chosen == "cuda" and settings.processes > torch.cuda.device_count():
+        raise RunError(
+            f"{settings.processes} processes require as many GPUs, but PyTorch finds "
+            f"{torch.cuda.device_count()}: set processes: {torch.cuda.device_count()}, or "
+            "CUDA_VISIBLE_DEVICES"
+        )
     return chosen

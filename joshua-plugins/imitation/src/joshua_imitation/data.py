@@ -14,6 +14,8 @@ from joshua_dataset.decoding import DatasetError
 from joshua_dataset.reader import Dataset, Episode
 from joshua_training.run_folder import RunError
 
+from joshua_imitation.stream import Stream
+
 Array = npt.NDArray[Any]
 
 PICTURES = "observation.images."
@@ -35,6 +37,7 @@ class Recording:
 
     Args:
         dataset: its metadata; cameras: to learn from, () for all.
+        stream: that the data set comes from, None for a folder.
 
     Attributes:
         episodes: in their order; numbers: by key, (N, D) float32; pictures: keys of cameras.
@@ -44,8 +47,8 @@ class Recording:
         RunError: it cannot be read, or is empty.
     """
 
-    def __init__(self, dataset: Dataset, cameras: Sequence[str] = ()) -> None:
-        self.dataset = dataset
+    def __init__(self, dataset: Dataset, cameras: Sequence[str] = (), stream: Stream | None = None) -> None:
+        self.dataset, self.stream = dataset, stream
         keys = [key for key in (STATE, SURROUNDINGS, ACTION) if key in dataset.features]
         parts: dict[str, list[Array]] = {key: [] for key in keys}
         self.tasks: list[str] = []
@@ -99,13 +102,16 @@ class Recording:
         return held, held != wanted
 
 
-def open_dataset(place: str) -> Dataset:
-    """Read the metadata of a data set in a folder, or on the hub, from where LeRobot's loader fetches it.
+def open_dataset(place: str) -> tuple[Dataset, Stream | None]:
+    """Read the metadata of a data set: in a folder, on the hub by its id, or at an address that is streamed.
+
+    LeRobot's loader fetches a data set that is named by its id.
 
     Raises:
         RunError: it does not exist, or cannot be read.
     """
-    folder = Path(place)
+    stream = Stream(place) if "://" in place else None
+    folder = stream.folder if stream is not None else Path(place)
     if not folder.is_dir():
         folder = _fetched(place)
     try:
@@ -117,7 +123,7 @@ def open_dataset(place: str) -> Dataset:
             f"{folder} has the layout {found.version}, {found.format}: run `joshua dataset convert {folder} "
             "TARGET`, and train on TARGET"
         )
-    return found
+    return found, stream
 
 
 def _fetched(name: str) -> Path:

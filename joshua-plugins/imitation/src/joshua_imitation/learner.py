@@ -16,13 +16,18 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
 from joshua_imitation.data import Array, Recording
-from joshua_imitation.loader import Batch, Loader, Maker, Order
+from joshua_imitation.group import Group, OthersError
+from joshua_imitation.loader import Batch, Loader, Maker, Order, Share
 from joshua_imitation.policies import Parts, is_out_of_memory, save_policy, without_memory
 from joshua_imitation.settings import ImitationSettings
 
 POLICY, TRAINING, STATE = "pretrained_model", "training.safetensors", "state.json"
 
 _DTYPES = {"bfloat16": torch.bfloat16, "float16": torch.float16}
+
+
+#: What the seed of the noise of a batch has beside other seeds.
+_NOISE = 3
 
 
 class DivergedError(RunError):
@@ -35,10 +40,11 @@ class Learner:
     Args:
         settings: of the file; parts: what is trained; recording: training data.
         maker: of training batches; judge: of validation batches; frames: of both.
-        folder: of the run; device: name of torch's.
+        folder: of the run; group: this process; its device is name of torch's.
 
     Attributes:
         steps: updates so far; total: of the whole training.
+        stops: set when learning has to stop; stopped: set after the last update of all processes.
     """
 
     def __init__(
@@ -52,20 +58,27 @@ class Learner:
         kept_back: Array,
         total: int,
         folder: RunFolder,
-        device: str,
+        group: Group,
     ) -> None:
         self._settings, self.parts, self._recording = settings, parts, recording
         self._maker, self._judge, self._order, self._kept_back = maker, judge, order, kept_back
-        self.total, self._folder, self._device = total, folder, device
+        self.total, self._folder, self._group, self._device = total, folder, group, group.device
         self.steps = 0
+        self.stops = self.stopped = False
         self._half = _DTYPES.get(settings.precision)
         # without an accelerator it has no effect
-        self._scaler = torch.amp.GradScaler(device, enabled=settings.precision == "float16")
+        self._scaler = torch.amp.GradScaler(group.device, enabled=settings.precision == "float16")
         self._window: dict[str, float] = {}
         self._window_steps = 0
         self._loader: Loader | None = None
+        self._last_batch: Batch = {}
         self._began_s = time.perf_counter()
         self._waited_s = 0.0
+
+    def begin(self) -> None:
+        """Take the weights of the first process, after all have joined. Raises RunError."""
+        weights = [weight for weight in self.parts.policy.parameters() if weight.requires_grad]
+        self._group.begin(weights, (self.steps, self.total, len(self._recording)))
 
     def update(self) -> dict[str, float] | None:
         """Learn from the next batches; return a row of metrics if one is due.
@@ -77,13 +90,21 @@ class Learner:
         if self._loader is None:
             self._loader = Loader(self._maker, self._order, self.steps, self.total, self._settings.workers)
             self._began_s, self._waited_s = time.perf_counter(), 0.0
-        batches = next(self._loader)
+        failure: RunError | None = None
+        found: dict[str, float] = {}
         try:
-            self._learn(batches)
+            found = self._gradients(next(self._loader))
+        except RunError as error:
+            failure = error
         except (RuntimeError, MemoryError) as error:
             if not is_out_of_memory(error):
                 raise
-            raise without_memory(self._settings, self._device) from error
+            failure = without_memory(self._settings, self._device)
+        has_failed, self.stopped = self._group.agree(failure is not None, self.stops)
+        if has_failed:
+            self.parts.optimiser.zero_grad()
+            raise failure or OthersError("another process of the training failed: see its message")
+        self._step(found)
         self.steps += 1
         due = self.steps % self._settings.report_steps == 0 or self.steps == self.total
         row = self._row() if due else None
@@ -115,26 +136,38 @@ class Learner:
         if self._loader is not None:
             self._loader.close()
 
-    def _learn(self, batches: list[Batch]) -> None:
-        parts, optimiser = self.parts, self.parts.optimiser
-        parts.policy.train()
-        count = sum(len(batch["task"]) for batch in batches)
+    def _gradients(self, batches: list[tuple[Share, Batch]]) -> dict[str, float]:
+        """Add up the gradients of the batches of this process; return its part of the losses."""
+        self.parts.policy.train()
         found: dict[str, float] = {}
-        for batch in batches:
-            share = len(batch["task"]) / count
+        for share, batch in batches:
+            # the noise depends on the batch alone, not on the process that learns it
+            torch.manual_seed(self._noise(share))
             loss, terms = self._loss(batch)
             value = float(loss.detach())
             if not np.isfinite(value):
-                optimiser.zero_grad()
                 raise self._diverged("the loss", batch)
-            self._scaler.scale(loss * share if len(batches) > 1 else loss).backward()
+            self._scaler.scale(loss if share.weight == 1.0 else loss * share.weight).backward()
             for name, term in {"loss/train": value, **terms}.items():
-                found[name] = found.get(name, 0.0) + share * term
+                found[name] = found.get(name, 0.0) + share.weight * term
+            self._last_batch = batch
+        return found
+
+    def _noise(self, share: Share) -> int:
+        words = (self._settings.seed, _NOISE, self.steps, share.number)
+        return int(np.random.SeedSequence(words).generate_state(1, np.uint64)[0] >> np.uint64(1))
+
+    def _step(self, found: dict[str, float]) -> None:
+        """Change the weights by the gradients of all processes."""
+        parts, optimiser = self.parts, self.parts.optimiser
+        names = sorted(found)
+        found = dict(zip(names, self._group.sum([found[name] for name in names]), strict=True))
+        self._group.add_gradients(parts.policy.parameters())
         self._scaler.unscale_(optimiser)
         norm = float(torch.nn.utils.clip_grad_norm_(parts.policy.parameters(), parts.max_norm))
         if not np.isfinite(norm) and not self._scaler.is_enabled():
             optimiser.zero_grad()
-            raise self._diverged("the gradient", batches[-1])
+            raise self._diverged("the gradient", self._last_batch)
         self._scaler.step(optimiser)
         self._scaler.update()
         optimiser.zero_grad()
@@ -180,7 +213,8 @@ class Learner:
         }
 
     def _diverged(self, what: str, batch: Batch) -> DivergedError:
-        path = self._folder.path / f"failed_batch_{self.steps + 1}.safetensors"
+        name = f"failed_batch_{self.steps + 1}" + (f"_{self._group.rank}" if self._group.rank else "")
+        path = self._folder.path / f"{name}.safetensors"
         try:
             save_file({key: value for key, value in batch.items() if isinstance(value, torch.Tensor)}, path)
             kept = f"its batch is in {path}"

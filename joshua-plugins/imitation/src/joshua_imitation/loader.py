@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,28 +23,48 @@ Batch = dict[str, Any]
 _AHEAD = 2
 
 
+@dataclass(frozen=True)
+class Share:
+    """A batch of an update.
+
+    Attributes:
+        number: of the batch in its update; frames: of the batch; weight: its share of the frames.
+    """
+
+    number: int
+    frames: Array
+    weight: float
+
+
 class Order:
     """Frames of each update: a new permutation in each epoch.
 
     Args:
-        frames: to learn from; batch_size: of one batch; accumulated: batches of one update.
-        seed: of the order.
+        frames: to learn from; batch_size: of one batch; accumulated: batches of one update, of each process.
+        seed: of the order; rank, size: which of how many processes this is.
     """
 
-    def __init__(self, frames: Array, batch_size: int, accumulated: int, seed: int) -> None:
-        self._frames, self._seed = frames, seed
-        self._batch, self._update = batch_size, batch_size * accumulated
+    def __init__(
+        self, frames: Array, batch_size: int, accumulated: int, seed: int, rank: int = 0, size: int = 1
+    ) -> None:
+        self._frames, self._seed, self._rank, self._size = frames, seed, rank, size
+        self._batch, self._update = batch_size, batch_size * accumulated * size
         self.updates_per_epoch = -(-len(frames) // self._update)
         self._epoch, self._mixed = -1, frames
 
-    def batches(self, update: int) -> list[Array]:
-        """Return the frames of the batches of an update, counted from 0."""
+    def batches(self, update: int) -> list[Share]:
+        """Return the batches of an update, counted from 0, that this process learns from.
+
+        At the end of an epoch, a process without a batch takes the first one with the weight 0.
+        """
         epoch, at = divmod(update, self.updates_per_epoch)
         if epoch != self._epoch:
             self._mixed = np.random.default_rng([self._seed, 2, epoch]).permutation(self._frames)
             self._epoch = epoch
         chosen = self._mixed[at * self._update : (at + 1) * self._update]
-        return [chosen[i : i + self._batch] for i in range(0, len(chosen), self._batch)]
+        parts = [chosen[i : i + self._batch] for i in range(0, len(chosen), self._batch)]
+        found = [Share(number, part, len(part) / len(chosen)) for number, part in enumerate(parts)]
+        return found[self._rank :: self._size] or [Share(0, parts[0], 0.0)]
 
 
 class Maker:
@@ -88,7 +109,7 @@ class Maker:
 
 
 class Loader:
-    """Iterator over the batches of each update.
+    """Iterator over the batches of each update, with their number and weight in it.
 
     Args:
         maker, order: of the batches; first: update to begin with; last: one after the end.
@@ -101,15 +122,15 @@ class Loader:
     def __init__(self, maker: Maker, order: Order, first: int, last: int, threads: int) -> None:
         self._maker, self._order, self._last = maker, order, last
         self._next = first
-        self._ready: deque[Future[list[Batch]]] = deque()
+        self._ready: deque[Future[list[tuple[Share, Batch]]]] = deque()
         self._pool = ThreadPoolExecutor(threads, "batches") if threads else None
         self._ahead = _AHEAD * threads
         self.waited_s = 0.0
 
-    def __iter__(self) -> Iterator[list[Batch]]:
+    def __iter__(self) -> Iterator[list[tuple[Share, Batch]]]:
         return self
 
-    def __next__(self) -> list[Batch]:
+    def __next__(self) -> list[tuple[Share, Batch]]:
         """Return the batches of the next update."""
         began = time.perf_counter()
         try:
@@ -133,5 +154,5 @@ class Loader:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
 
-    def _made(self, chosen: list[Array], update: int) -> list[Batch]:
-        return [self._maker.make(frames, update, number) for number, frames in enumerate(chosen)]
+    def _made(self, chosen: list[Share], update: int) -> list[tuple[Share, Batch]]:
+        return [(share, self._maker.make(share.frames, update, share.number)) for share in chosen]

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Mapping
+from concurrent.futures import Future
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from joshua.api import NodeContext
-from joshua_training.run_folder import LibraryMissing, refuse_other
+from joshua_training.run_folder import LibraryMissing, RunError, refuse_other
 from joshua_training.trainer import LearningNode
 
 from joshua_imitation.settings import SAVE_S, ImitationSettings
@@ -29,6 +32,7 @@ class ImitationTrainer(LearningNode):
         *("num_epochs", "max_steps", "learning_rate", "backbone_learning_rate", "checkpoint_steps"),
         *("report_steps", "validation_steps", "validation_batches", "workers", "threads"),
         *("picture_cache_mb", "output_folder", "resume_run", "environment", "environment_id", "dataset"),
+        *("machine_rank", "main_address"),
     )
 
     def __init__(self, context: NodeContext) -> None:
@@ -36,6 +40,9 @@ class ImitationTrainer(LearningNode):
         self._settings = ImitationSettings.model_validate(context.spec.settings)
         self._album: Any = None
         self._learner: Any = None
+        self._group: Any = None
+        self._crew: Any = None
+        self._continued: Path | None = None
 
     def configure(self) -> None:
         """Make or open the run, and make the policy."""
@@ -52,7 +59,8 @@ class ImitationTrainer(LearningNode):
                 "this run: make an environment that has it, tools/policies.sh policies (1 to 9 GB), and run "
                 "policies/bin/joshua"
             ) from error
-        torch.set_num_threads(settings.threads or len(os.sched_getaffinity(0)))
+        cores = max(1, len(os.sched_getaffinity(0)) // settings.processes)
+        torch.set_num_threads(settings.threads or cores)
         facts = {
             "method": "METHOD_IMITATION",
             "policy": settings.policy_type,
@@ -63,7 +71,7 @@ class ImitationTrainer(LearningNode):
         self.checkpoint_steps = settings.checkpoint_steps
         continued = self.reopen(settings.resume_run, facts)
         made = build(settings, continued)
-        self._album = made.album
+        self._album, self._group, self._continued = made.album, made.group, continued
         if continued is None:
             self.begin(settings.output_folder, settings.policy_type, facts | {"features": made.features})
         else:
@@ -78,8 +86,8 @@ class ImitationTrainer(LearningNode):
         )
 
     def release(self) -> None:
-        """End the loader, and remove the decoded pictures."""
-        for part in (self._learner, self._album):
+        """End the loader and the other processes, and remove the decoded pictures."""
+        for part in (self._learner, self._group, self._crew, self._album):
             if part is not None:
                 part.close()
 
@@ -94,12 +102,59 @@ class ImitationTrainer(LearningNode):
         return int(self._learner.total)
 
     def prepare(self) -> bool:
-        """Decode the pictures."""
-        return bool(self._album.fill(_Told(self.context, self._album.frames)))
+        """Decode the pictures, and meet the other processes."""
+        if not self._album.fill(_Told(self.context, self._album.frames)):
+            return False
+        if self._group.size > 1:
+            from joshua_imitation.group import Crew
+
+            self._crew = Crew(
+                self._settings, self._group, self.folder.path, self._album.shared, self._continued
+            )
+            return self._joined()
+        return True
+
+    def _joined(self) -> bool:
+        """Wait for the other processes; return False if the run stops."""
+        met: Future[None] = Future()
+
+        def join() -> None:
+            try:
+                self._group.join()
+                self._learner.begin()
+                met.set_result(None)
+            except Exception as error:  # noqa: BLE001 (raised again on the thread of the learner)
+                met.set_exception(error)
+
+        self.context.log.info("waiting for %d processes at %s", self._group.size, self._group.address)
+        Thread(target=join, name="join", daemon=True).start()
+        while not met.done():
+            if self.context.stopping:
+                return False
+            if failure := self._crew.failure():
+                raise RunError(failure)
+            time.sleep(0.1)
+        met.result()
+        self.context.log.info("%d processes learn together", self._group.size)
+        return True
+
+    @property
+    def is_asked_to_stop(self) -> bool:
+        """Whether to stop: several processes stop after the same update."""
+        stopping = self.context.stopping
+        if self._group.size == 1:
+            return stopping
+        self._learner.stops = stopping
+        return bool(self._learner.stopped)
 
     def advance(self) -> Mapping[str, float] | None:
         """Make one update."""
-        row: Mapping[str, float] | None = self._learner.update()
+        from joshua_imitation.group import PARTING_S, OthersError
+
+        try:
+            row: Mapping[str, float] | None = self._learner.update()
+        except OthersError as error:
+            raise RunError(self._crew.failure(PARTING_S) or str(error)) from error
         self.context.progress("training", float(self.steps), float(self.total), unit=self.UNIT)
         return row
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import av
 import numpy as np
@@ -24,15 +25,23 @@ class PictureStore:
 
     Args:
         recording: whose; key: of the camera; size: (height, width) of the policy's input.
-        file: cache of decoded pictures; None decodes each on demand.
+        file: cache of decoded pictures; None decodes each on demand; mode: of the file.
     """
 
-    def __init__(self, recording: Recording, key: str, size: tuple[int, int], file: Path | None) -> None:
+    def __init__(
+        self,
+        recording: Recording,
+        key: str,
+        size: tuple[int, int],
+        file: Path | None,
+        mode: Literal["w+", "r"] = "w+",
+    ) -> None:
         self._recording, self._key, self._size = recording, key, size
         self._starts = np.unique(recording.first)
         self._kept: Any = None
+        self._has: Array | None = None if recording.stream is None else np.zeros(len(recording), bool)
         if file is not None:
-            self._kept = np.memmap(file, np.uint8, "w+", shape=(len(recording), *size, 3))
+            self._kept = np.memmap(file, np.uint8, mode, shape=(len(recording), *size, 3))
 
     def fill(self, told: Callable[[int], bool]) -> bool:
         """Decode all; ``told`` is called after each episode and returns whether to continue."""
@@ -53,6 +62,10 @@ class PictureStore:
     def get(self, frames: Array) -> Array:
         """Return pictures, (…, H, W, 3) uint8. Raises RunError."""
         if self._kept is not None:
+            if self._has is not None:
+                for frame in np.unique(frames[~self._has[frames]]):
+                    self._kept[frame] = self._one(int(frame))
+                    self._has[frame] = True
             return np.asarray(self._kept[frames])
         flat = [self._one(int(frame)) for frame in frames.reshape(-1)]
         return np.stack(flat).reshape(*frames.shape, *self._size, 3)
@@ -61,6 +74,8 @@ class PictureStore:
         number = int(np.searchsorted(self._starts, frame, side="right")) - 1
         recording = self._recording
         where = recording.episodes[number].pictures[self._key]
+        if recording.stream is not None:
+            where = replace(where, opened=recording.stream.opened)
         height, width, _ = recording.dataset.features[self._key].shape
         try:
             found = picture_at(where, frame - int(self._starts[number]), recording.dataset.fps, height, width)
@@ -76,12 +91,19 @@ class Album:
 
     Args:
         recording: whose; size: (height, width), None as recorded; room_mb: for decoded ones.
+        folder: of pictures that another process decodes, None if this one does.
 
     Attributes:
-        sizes: by key; decoded: whether all are kept decoded.
+        sizes: by key; decoded: whether all are kept decoded; folder: of decoded ones, None without.
     """
 
-    def __init__(self, recording: Recording, size: tuple[int, int] | None, room_mb: int) -> None:
+    def __init__(
+        self,
+        recording: Recording,
+        size: tuple[int, int] | None,
+        room_mb: int,
+        folder: Path | None = None,
+    ) -> None:
         features = recording.dataset.features
         self.sizes: dict[str, tuple[int, int]] = {
             key: size or (features[key].shape[0], features[key].shape[1]) for key in recording.pictures
@@ -89,35 +111,54 @@ class Album:
         needed = sum(len(recording) * height * width * 3 for height, width in self.sizes.values())
         self.needed_mb = -(-needed // MB)
         self.decoded = self.needed_mb <= room_mb
-        self._folder: Path | None = None
+        self.folder, self._is_own = folder, folder is None
         if self.decoded:
-            self._folder = _room(needed)
-        elif recording.dataset.pictures != "video":
+            self.folder = folder or _room(needed)
+        if recording.stream is not None and recording.dataset.pictures != "video":
+            raise RunError(
+                f"{recording.stream.folder.name} has pictures outside videos, which cannot be streamed: "
+                "fetch the data set with `joshua dataset download`"
+            )
+        if not self.decoded and recording.dataset.pictures != "video":
             raise RunError(
                 f"the pictures take {self.needed_mb} MB decoded, and only those of videos can be decoded "
                 f"while they are read: set picture_cache_mb: {self.needed_mb}, or a smaller image_width"
             )
         self._stores = {
             key: PictureStore(
-                recording, key, size, self._folder / f"{index}.raw" if self._folder is not None else None
+                recording,
+                key,
+                size,
+                self.folder / f"{index}.raw" if self.folder is not None else None,
+                "w+" if self._is_own else "r",
             )
             for index, (key, size) in enumerate(self.sizes.items())
         }
         self.frames = len(recording) * len(self._stores)
+        self._stream = recording.stream
 
     def fill(self, told: Callable[[int], bool]) -> bool:
-        """Decode all if there is room; return False if the run stops."""
-        return not self.decoded or all(store.fill(told) for store in self._stores.values())
+        """Decode all if there is room; return False if the run stops. A stream decodes what is wanted."""
+        if not self.decoded or self._stream is not None:
+            return True
+        return all(store.fill(told) for store in self._stores.values())
+
+    @property
+    def shared(self) -> Path | None:
+        """Folder of pictures that other processes can use; None if each decodes its own."""
+        return self.folder if self._stream is None else None
 
     def get(self, key: str, frames: Array) -> Array:
         """Return pictures of a camera, (…, H, W, 3) uint8."""
         return self._stores[key].get(frames)
 
     def close(self) -> None:
-        """Removes the decoded pictures."""
-        if self._folder is not None:
+        """Removes the decoded pictures, and the copied part of a stream."""
+        if self._stream is not None:
+            self._stream.close()
+        if self.folder is not None and self._is_own:
             self._stores = {}
-            shutil.rmtree(self._folder, ignore_errors=True)
+            shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def scaled(picture: Array, size: tuple[int, int]) -> Array:

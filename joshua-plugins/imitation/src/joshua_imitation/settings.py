@@ -86,6 +86,10 @@ class ImitationSettings(RunSettings):
     lora_rank: int | None = None
     learning_rate_schedule: str = ""
     use_vae: bool | None = None
+    processes: int = 1
+    machines: int = 1
+    machine_rank: int = 0
+    main_address: str = ""
 
     @classmethod
     def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
@@ -95,6 +99,8 @@ class ImitationSettings(RunSettings):
         if known.get("pretrained") and (place := folder / Path(known["pretrained"]).expanduser()).exists():
             known["pretrained"] = str(place)
         name = str(known.get("dataset_name") or "")
+        if "://" in name and not context.data_store.path:
+            return known | {"dataset": name}
         place = folder / Path(name).expanduser()
         known["dataset"] = context.data_store.path or (str(place) if name and place.is_dir() else name)
         return known
@@ -116,15 +122,17 @@ class ImitationSettings(RunSettings):
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
-        found = [*self._policy_problems(), *self._dataset_problems()]
+        found = [*self._policy_problems(), *self._group_problems(), *self._dataset_problems()]
         if self.environment == "ENV_REAL":
             found.insert(
                 0,
                 FieldError(
                     "environment",
-                    "Imitation learns from recorded episodes and moves no robot, so ENV_REAL has no effect",
+                    "Imitation learns from recorded episodes and moves no robot: its updates would delay the "
+                    "control of a robot on the same machine, and a person has to mark each episode",
                     allowed=("ENV_SIMULATION",),
-                    remedy="write ENV_SIMULATION, and run the checkpoint on the robot with MODE_INFERENCE",
+                    remedy="write ENV_SIMULATION, and evaluate checkpoints on the robot with METHOD_EVAL and "
+                    "ENV_REAL in a file of its own, during the training or after it",
                 ),
             )
         if len(found) == 1:
@@ -195,8 +203,45 @@ class ImitationSettings(RunSettings):
                 remedy='write precision: "bfloat16" or "float32"',
             )
 
+    def _group_problems(self) -> Iterator[FieldError]:
+        """Yield what several processes and machines lack."""
+        if self.processes > 1 and self.device == "mps":
+            yield _error(
+                "processes",
+                f"mps is one device, so {self.processes} processes cannot have one each",
+                remedy="remove processes",
+            )
+        host, _, port = self.main_address.rpartition(":")
+        if self.main_address and not (host and port.isdecimal() and 0 < int(port) < 65536):
+            yield _error(
+                "main_address",
+                f'"{self.main_address}" is not a host and a port',
+                remedy='write both, as in main_address: "192.168.1.10:29500"',
+            )
+        if self.machines > 1 and not self.main_address:
+            yield _error(
+                "machines",
+                f"{self.machines} machines have no address where they meet",
+                remedy='add the address of machine 0: main_address: "192.168.1.10:29500"',
+            )
+        if self.machine_rank >= self.machines:
+            yield _error(
+                "machine_rank",
+                f"Machines are counted from 0, so {self.machines} of them have no number {self.machine_rank}",
+                allowed=tuple(map(str, range(min(self.machines, 8)))),
+                remedy="correct it, or raise machines",
+            )
+
     def _dataset_problems(self) -> Iterator[FieldError]:
-        """Yield what the description of a local data set lacks."""
+        """Yield what is wrong with an address, or lacks in the description of a local data set."""
+        if "://" in self.dataset:
+            from joshua_dataset.cloud.address import Address, AddressError
+
+            try:
+                Address.parse(self.dataset)
+            except AddressError as error:
+                yield _error("dataset_name", str(error), allowed=error.allowed, remedy=error.remedy)
+            return
         if not (Path(self.dataset) / "meta").is_dir():
             return  # the checks of the file report it, or it is fetched
         path = Path(self.dataset) / "meta" / "info.json"

@@ -131,6 +131,11 @@ class LearningNode(RunNode):
     def save(self) -> Path:
         """Write a checkpoint of the complete steps, by ``folder.save`` or ``save_by``. Raises RunError."""
 
+    @property
+    def is_asked_to_stop(self) -> bool:
+        """Whether to stop before the next step."""
+        return self.context.stopping
+
     def prepare(self) -> bool:
         """Do what takes long and precedes the first step; return False if the run stops."""
         return True
@@ -177,7 +182,7 @@ class LearningNode(RunNode):
         board = Board(self.folder.path / "tensorboard", self.steps)
         latest: dict[str, float] = {}
         try:
-            while self.steps < self.total and not self.context.stopping:
+            while self.steps < self.total and not self.is_asked_to_stop:
                 with remedied(f"{self.halves}; the last checkpoint is complete"):
                     row = self.advance()
                 if row is not None:
@@ -194,6 +199,8 @@ class LearningNode(RunNode):
                 drawn = f", its curves in {picture}" if picture is not None else ""
                 shown = f": {self._shown(latest)}" if self._shown(latest) else ""
                 self.context.end_run(f"{self.steps} {self.UNIT} learned{shown}; {self.result()}{drawn}")
+            elif not self.context.stopping:
+                self.context.end_run(f"stopped after {self.steps} {self.UNIT}, as another machine asked")
         except OSError as error:
             raise RunError(
                 f"{self.folder.path} cannot be written: {error.strerror or error}: free some space, and "

@@ -173,7 +173,8 @@ def _data_sets(context: Context) -> Iterator[Diagnostic]:
         name = config.ai.training.imitation_config.dataset_name
         purpose = "train on" if name else ""
         own = "ai.training.imitation_config.dataset_name"
-        is_known = bool(store.local_path) or not name or re.fullmatch(_HUB_ID, name) is not None
+        is_remote = "://" in name or re.fullmatch(_HUB_ID, name) is not None
+        is_known = bool(store.local_path) or not name or is_remote
         if not is_known and not _exists(_place(context, own, name)):
             folder = _place(context, own, name)
             message = f"The data set is neither the folder {folder} nor a hub id such as lerobot/pusht"
