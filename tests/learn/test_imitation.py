@@ -1,4 +1,7 @@
-"""Imitation: LeRobot's policies learn from recordings, stop, go on bit for bit, and say what is wrong."""
+"""Imitation: LeRobot's policies learn from recordings, stop, go on bit for bit, and say what is wrong.
+
+Why one file: the tests share one tiny data set and one trainer, which take seconds to make.
+"""
 
 from __future__ import annotations
 
