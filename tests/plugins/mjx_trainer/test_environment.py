@@ -40,11 +40,15 @@ def single_precision() -> Any:
 
 
 @pytest.mark.parametrize(
-    ("name", "tolerance"),
-    [("joshua/SoArm100PickPlace-v0", 1e-5), ("joshua/Ant-v0", 1e-3)],
+    ("name", "steps"),
+    [("joshua/SoArm100PickPlace-v0", 4), ("joshua/Ant-v0", 3)],
 )
-def test_environments_are_those_of_the_processor(name: str, tolerance: float) -> None:
-    """The same starts and actions give the same observations, rewards and ends as with NumPy, in float64."""
+def test_environments_are_those_of_the_processor(name: str, steps: int) -> None:
+    """The same starts and actions give the same observations, rewards and ends as with NumPy, in float64.
+
+    Of the ant until it lands: the impact of its feet is resolved otherwise in MuJoCo XLA.
+    """
+    tolerance = 1e-5
     jax.config.update("jax_enable_x64", True)
     task = make_task(TASKS[name], "", None, False)
     many = MjxEnvironments(task)
@@ -61,7 +65,7 @@ def test_environments_are_those_of_the_processor(name: str, tolerance: float) ->
         assert np.asarray(carry["potentials"][potential][0]) == pytest.approx(values[0], abs=1e-9)
     assert np.asarray(observations[0]) == pytest.approx(evaluator.observation()[0], abs=1e-6)
     chance = np.random.default_rng(2)
-    for _ in range(4):
+    for _ in range(steps):
         actions = chance.uniform(-1.0, 1.0, (2, task.action_size))
         carry, done = step(carry, actions)
         expected, reward, terminated, _, _ = single.step(actions[0])

@@ -84,7 +84,7 @@ class MjxTrainer(RlTrainer):
 
     def deactivate(self) -> None:
         """Wait for the last files, unless JAX still compiles, which nothing interrupts: then none are due."""
-        if self._learner.compiled:
+        if self._learner is None or self._learner.compiled:
             super().deactivate()
         else:
             self.context.log.info("stopped before the first update: nothing new was learned")
