@@ -12,7 +12,7 @@ from terminal_picture import COLOURS, Recording, Type, moving, record, still
 STEPS = (
     Type(r"printf 'one\n\033[1;31mred <tag>\033[0m\n'"),
     Type(r"for n in 1 2 3; do printf '\rcount %s' $n; sleep 0.15; done; echo"),
-    Type("cat", until="\r\n", then="ab\r\x03"),
+    Type("cat", until="\r\n", linger_s=0.5, then="ab\r\x03"),
 )
 
 
@@ -52,5 +52,5 @@ def test_motion_shows_what_was_overwritten_and_honours_who_wants_none() -> None:
 
 
 def test_a_step_that_never_shows_its_text_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(TimeoutError, match=r"'never' was not shown within 0\.5 s"):
+    with pytest.raises(TimeoutError, match=r"was not shown within 0\.5 s"):
         record((Type("true", until="never"),), columns=40, folder=tmp_path, timeout_s=0.5)
