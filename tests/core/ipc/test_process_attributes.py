@@ -37,7 +37,8 @@ if os.fork() == 0:
         signal.signal(signal.SIGTERM, lambda *_: (os.write(writing, b"asked"), os._exit(0)))
         assert set_parent_death_signal(signal.SIGTERM)
         os.write(ready_writing, b"r")
-        time.sleep(60)
+        while True:  # a signal just before one long sleep would not end it
+            time.sleep(0.05)
     os.read(ready_reading, 1)
     os._exit(0)
 print(os.read(reading, 100).decode())
