@@ -33,7 +33,8 @@ QUEUE_S = 2.0
 _X265 = "log-level=error:pools=none:frame-threads=1:wpp=0:bframes=0:b-adapt=0:rc-lookahead=0"
 
 # One thread each, so that the same pictures give the same bytes and an encoder uses at most one core;
-# every second picture is a key frame (g), which makes the random reads of a training fast.
+# every second picture is a key frame (g), and both halves of an AV1 picture (tiles) are decoded at the
+# same time, which makes the random reads of a training fast.
 ENCODERS: dict[str, tuple[str, dict[str, str]]] = {
     "h264": ("libx264", {"g": "2", "crf": "23", "preset": "ultrafast", "threads": "1"}),
     "hevc": (
@@ -45,7 +46,7 @@ ENCODERS: dict[str, tuple[str, dict[str, str]]] = {
             "x265-params": _X265,
         },
     ),
-    "av1": ("libsvtav1", {"g": "2", "crf": "30", "preset": "12", "svtav1-params": "lp=1"}),
+    "av1": ("libsvtav1", {"g": "2", "crf": "30", "preset": "12", "svtav1-params": "lp=1:tile-columns=1"}),
 }
 """Encoder and options by the codec's name in ``info.json``."""
 
