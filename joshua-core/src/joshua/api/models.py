@@ -6,8 +6,8 @@ from joshua.plan import Compute as Compute
 from joshua.plan import Execution as Execution
 from joshua.plan import ModelNeeds as ModelNeeds
 from joshua.plan.lazy import lazy_names
-from joshua.plugins.block_context import ModelContext as ModelContext
-from joshua.plugins.settings import ModelSettings as ModelSettings
+from joshua.plugins.model_settings import ModelContext as ModelContext
+from joshua.plugins.model_settings import ModelSettings as ModelSettings
 
 if TYPE_CHECKING:
     from joshua.models.model import ChunkRequest as ChunkRequest

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from joshua.features.feature_set import FeatureSet
 from joshua.features.frame import Frame
 from joshua.plan.model_needs import ModelNeeds
-from joshua.plugins.settings import ModelSettings
+from joshua.plugins.model_settings import ModelSettings
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -29,7 +29,6 @@ from joshua.plan import (
 )
 from joshua.plan.feature import IMAGES, Feature
 from joshua.plan.graph import Endpoint, NodeEntry
-from joshua.plugins.block_context import ModelContext
 from joshua.schema import data_type_pb2
 
 _IMAGE, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
@@ -37,11 +36,13 @@ _IMAGE, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 if TYPE_CHECKING:
     from joshua.planner.draft import Draft
     from joshua.planner.resolution import Resolved
+    from joshua.plugins.model_settings import ModelContext
 
 
 def model_context(draft: Draft, entry: NodeEntry) -> ModelContext:
     """Input for the settings of a model beside its block."""
     from joshua.plugins.block_values import block_values
+    from joshua.plugins.model_settings import ModelContext
 
     owner, path = entry.owner, f"{entry.owner_path}.pretrained_model_name_or_path"
     weights = owner.pretrained_model_name_or_path
@@ -54,7 +55,7 @@ def model_context(draft: Draft, entry: NodeEntry) -> ModelContext:
 
 def needs_of(item: Resolved) -> ModelNeeds:
     """The needs of a model, from its settings. Raises FieldError."""
-    from joshua.plugins.settings import ModelSettings  # requires pydantic, as the settings did
+    from joshua.plugins.model_settings import ModelSettings  # requires pydantic, as the settings did
 
     return item.settings.needs() if isinstance(item.settings, ModelSettings) else ModelNeeds()
 

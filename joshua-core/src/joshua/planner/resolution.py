@@ -12,7 +12,7 @@ from joshua.plan import Related
 from joshua.plan.graph import NodeEntry, RobotGraph
 from joshua.plan.joints import JointRange
 from joshua.plugins import ActuatorSpec, DeviceSpec, ModelSpec, NodePluginSpec, SensorSpec
-from joshua.plugins.block_context import BlockContext, ModelContext
+from joshua.plugins.block_context import BlockContext
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2, data_types
 from joshua.schema.rules import block_rule
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from joshua.config.checks import Context
     from joshua.plan import Diagnostic
     from joshua.planner.draft import Draft
+    from joshua.plugins.model_settings import ModelContext
 
 PARK_TIMEOUT_S = 5.0
 ON_STALE_AFTER_S = 5.0
@@ -140,7 +141,7 @@ def resolve_nodes(draft: Draft, wanted: list[Wanted], physics: dict[str, Any] | 
         known = all(other.path in final_names for other in driven)
         reached = tuple(joint for other in driven for joint in draft.joints[other.path]) if known else ()
         simulation = physics if want.is_simulated else None
-        model = _model_context(draft, entry) if entry.is_model else ModelContext()
+        model = _model_context(draft, entry) if entry.is_model else None
         context = BlockContext(calibration, reached, simulation, model=model, launch=draft.launch)
         block = want.block
         if block is not None and spec.settings:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from joshua.plan.joints import JointRange
-from joshua.plan.model_needs import Compute
 
 if TYPE_CHECKING:
+    from joshua.plugins.model_settings import ModelContext
     from joshua.schema.calibration_pb2 import ArmCalibration
 
 
@@ -29,21 +29,6 @@ class DataStoreContext:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ModelContext:
-    """The entry of a model beside its settings block.
-
-    Attributes:
-        weights: folder, file or hub id; "" for none. Local paths are absolute.
-        task: of the file; compute: of the file. rate_hz: of the node's published actions.
-    """
-
-    weights: str = ""
-    task: str = ""
-    compute: Compute = field(default_factory=Compute)
-    rate_hz: float = 0.0
-
-
-@dataclass(frozen=True, eq=False, repr=False)
 class BlockContext:
     """The context of a block from the rest of the file.
 
@@ -52,7 +37,7 @@ class BlockContext:
         joints: those that a sensor commands; () if not all are known.
         simulation: settings of the simulation of the device; None for a real device.
         folder: to which paths of a service are relative; data_store: beside a simulator or trainer.
-        model: of the entry of a model.
+        model: the entry of a model; None for other blocks.
         launch: nodes will be started.
     """
 
@@ -61,5 +46,5 @@ class BlockContext:
     simulation: dict[str, Any] | None = None
     folder: str = ""
     data_store: DataStoreContext = DataStoreContext()
-    model: ModelContext = ModelContext()
+    model: ModelContext | None = None
     launch: bool = False

@@ -13,7 +13,6 @@ from typing_extensions import Self
 from joshua.plan import Diagnostic, Position, Severity
 from joshua.plan.diagnostic import as_instruction, as_sentence, masked
 from joshua.plan.joints import JointRange
-from joshua.plan.model_needs import Compute, ModelNeeds
 from joshua.plugins.block_context import BlockContext
 from joshua.plugins.targets import TargetError, load_target
 
@@ -130,39 +129,6 @@ class ActuatorSettings(BlockSettings):
     def joints(self) -> tuple[JointRange, ...]:
         """The joints in order, known without a connection or the driver."""
         raise NotImplementedError(f"{type(self).__name__} names no joints: override joints")
-
-
-class ModelSettings(BlockSettings):
-    """Base class of the settings of models, with values of their entry beside the block.
-
-    Attributes:
-        weights: folder or file, absolute, or a hub id; "" for none.
-        task: of the file, "" for none; compute: device and precision of the computation.
-        rate_hz: steps of a chunk per second.
-    """
-
-    weights: str = ""
-    task: str = ""
-    compute: Compute = Compute()
-    rate_hz: float = 0.0
-
-    @classmethod
-    def si_values(
-        cls, values: Mapping[str, Any], node: Message | None, context: BlockContext
-    ) -> dict[str, Any]:
-        """Add the values of the model's entry to those of the block."""
-        own, entry = super().si_values(values, node, context), context.model
-        known = {"weights": entry.weights, "compute": entry.compute, "rate_hz": entry.rate_hz}
-        return own | known | {"task": entry.task or own.get("task", "")}
-
-    def needs(self) -> ModelNeeds:
-        """Requirements and abilities of the model, as far as known from its settings and weight files.
-
-        Called during validation, so it must not import anything heavy. Raises FieldError for unusable
-        weights. For weights that are not on this machine, the needs stay unknown until the node has loaded
-        them.
-        """
-        return ModelNeeds()
 
 
 class Positions(Protocol):
