@@ -17,6 +17,7 @@ import pytest
 from joshua.api import JointSpace, Observation
 from joshua.features import STATE
 from joshua.testing.domain import reserved_domain
+from joshua_mujoco_sim.catalog import find_packaged
 from joshua_mujoco_sim.envs import TASKS, TermEnv, make_environment
 from joshua_mujoco_sim.envs.single import make_task
 from joshua_ppo_trainer.acting import PpoModel
@@ -40,17 +41,21 @@ def single_precision() -> Any:
 
 
 @pytest.mark.parametrize(
-    ("name", "steps"),
-    [("joshua/SoArm100PickPlace-v0", 4), ("joshua/Ant-v0", 3)],
+    ("name", "steps", "tolerance"),
+    [("joshua/SoArm100PickPlace-v0", 4, 1e-5), ("joshua/Ant-v0", 24, 1e-3)],
 )
-def test_environments_are_those_of_the_processor(name: str, steps: int) -> None:
+def test_environments_are_those_of_the_processor(
+    tmp_path: Path, name: str, steps: int, tolerance: float
+) -> None:
     """The same starts and actions give the same observations, rewards and ends as with NumPy, in float64.
 
-    Of the ant until it lands: the impact of its feet is resolved otherwise in MuJoCo XLA.
+    The ant lands on its feet and walks, with a round friction cone: MuJoCo XLA turns the pyramid of a steep
+    capsule on the floor otherwise than MuJoCo, see ``ant_mjx.xml``.
     """
-    tolerance = 1e-5
     jax.config.update("jax_enable_x64", True)
     task = make_task(TASKS[name], "", None, False)
+    if task.forces:
+        task = replace(task, model_path=str(with_round_cone(tmp_path)))
     many = MjxEnvironments(task)
     carry, observations = jax.jit(many.reset)(jax.random.split(jax.random.PRNGKey(1), 2))
     step = jax.jit(many.step)
@@ -64,7 +69,7 @@ def test_environments_are_those_of_the_processor(name: str, steps: int) -> None:
         evaluator.potentials[potential][:] = values
         assert np.asarray(carry["potentials"][potential][0]) == pytest.approx(values[0], abs=1e-9)
     assert np.asarray(observations[0]) == pytest.approx(evaluator.observation()[0], abs=1e-6)
-    chance = np.random.default_rng(2)
+    chance, forces = np.random.default_rng(2), 0.0
     for _ in range(steps):
         actions = chance.uniform(-1.0, 1.0, (2, task.action_size))
         carry, done = step(carry, actions)
@@ -72,7 +77,24 @@ def test_environments_are_those_of_the_processor(name: str, steps: int) -> None:
         assert np.asarray(done.observations[0]) == pytest.approx(expected, abs=tolerance)
         assert float(done.rewards[0]) == pytest.approx(reward, abs=10 * tolerance)
         assert bool(done.terminated[0]) == terminated
+        forces = max(forces, float(np.abs(np.asarray(carry["contact_forces"][0])).max()))
+    assert not task.forces or forces > 10.0, "the feet touch the floor"
     assert many.metadata["render_fps"] == single.metadata["render_fps"]
+
+
+def with_round_cone(folder: Path) -> Path:
+    """A copy of the ant's variant for accelerators with an elliptic friction cone."""
+    found = find_packaged("ant/ant_mjx.xml")
+    assert found is not None
+    text = found.read_text()
+    assert text.count('<option timestep="0.01"') == 1
+    path = folder / "ant_round.xml"
+    path.write_text(
+        text.replace('<option timestep="0.01"', '<option timestep="0.01" cone="elliptic"').replace(
+            'file="ant_body.xml"', f'file="{found.parent / "ant_body.xml"}"'
+        )
+    )
+    return path
 
 
 def test_starts_depend_on_their_own_key_and_keep_the_rules() -> None:
@@ -88,6 +110,18 @@ def test_starts_depend_on_their_own_key_and_keep_the_rules() -> None:
     gain = np.asarray(carry["parameters"]["actuator_gainprm"][:, :, 0]) / 998.22
     assert (np.abs(gain - 1) < 0.2).all()
     assert gain.std() > 0.05
+
+
+def test_an_episode_ends_beyond_the_limit_of_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its observation and reward would fill the running moments, in which nothing else then counts."""
+    many = MjxEnvironments(make_task(TASKS["joshua/SoArm100Reach-v0"], "", None, False))
+    carry, _ = many.reset(jax.random.split(jax.random.PRNGKey(4), 2))
+    fast = carry["qvel"].at[1, 2].set(2e10)
+    monkeypatch.setattr(many, "_moved", lambda one: {"qvel": one["qvel"]})  # whatever moved it so
+    carry, done = many.advance({**carry, "qvel": fast}, jnp.zeros((2, 6)))
+    assert done.terminated.tolist() == [False, True]
+    assert float(done.rewards[1]) == 0.0
+    assert not np.asarray(done.final[1]).any()
 
 
 def test_episodes_end_and_start_again_and_a_diverged_one_leaves_no_trace() -> None:

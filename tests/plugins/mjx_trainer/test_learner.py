@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from gymnasium import spaces
+from joshua.planner.pipeline import examine
+from joshua.planner.request import Request
 from joshua.schema import config_pb2 as pb
+from joshua.testing.recording_context import RecordingContext
 from joshua_mujoco_sim.envs import TASKS
 from joshua_ppo_trainer import files
 from joshua_ppo_trainer.files import DivergedError
@@ -24,7 +27,10 @@ jnp = pytest.importorskip("jax.numpy")
 from joshua_mjx_trainer import network  # noqa: E402
 from joshua_mjx_trainer.environment import KeyDraws, MjxEnvironments, Step  # noqa: E402
 from joshua_mjx_trainer.learner import Learner  # noqa: E402
+from joshua_mjx_trainer.node import MjxTrainer  # noqa: E402
 from joshua_mjx_trainer.settings import MjxSettings  # noqa: E402
+
+PRESET = Path(__file__).resolve().parents[3] / "configs" / "training_rl_mjx.pbtxt"
 
 SMALL: dict[str, Any] = {
     "algorithm": "PPO",
@@ -188,6 +194,17 @@ def test_a_loss_that_is_no_number_stops_with_what_to_do() -> None:
     batch = made.last_batch()
     assert batch["observations"].shape == (192, 3)
     assert not np.isfinite(batch["weights.value_net.weight"]).any()
+
+
+def test_a_full_disk_does_not_hide_why_learning_ended(tmp_path: Path) -> None:
+    result = examine(Request(str(PRESET)))
+    assert result.plan is not None
+    node = MjxTrainer(RecordingContext(result.plan.nodes[0]))
+    node._learner, node._folder = learner(), RunFolder(tmp_path / "gone")
+    rows(node._learner, 1)
+    node._learner.tree["weights"]["value_net.weight"] = jnp.full((1, 16), jnp.inf)
+    with pytest.raises(RunError, match=r"is not a number after 192 steps: .*cannot be written: .*free some"):
+        node.advance()
 
 
 def test_memory_that_does_not_suffice_names_the_setting() -> None:

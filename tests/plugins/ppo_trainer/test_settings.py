@@ -119,6 +119,15 @@ def test_a_batch_that_never_fills_is_refused(tmp_path: Path) -> None:
     )
 
 
+def test_a_batch_of_one_sample_is_refused(tmp_path: Path) -> None:
+    """Its advantage less the mean is 0, and its spread no number, which would end the run at once."""
+    (error,) = errors(tmp_path, training("n_steps: 8 batch_size: 1"))
+    assert error.field_path == "ai.training.rl_config.batch_size"
+    assert "advantages of a mini-batch to unit size, which one sample has not" in error.message
+    assert error.remedy == "Write 2 or more, 1024 for example."
+    assert not errors(tmp_path, training('algorithm: "SAC" batch_size: 1'))
+
+
 def test_folders_are_relative_to_the_file() -> None:
     from joshua.plugins.block_context import BlockContext
 

@@ -67,3 +67,22 @@ def test_a_run_goes_on_with_its_own_settings_only() -> None:
         refuse_other(before, {"settings": {"batch_size": 4}}, ())
     with pytest.raises(RunError, match="was started with seed 1, but the file says 2"):
         refuse_other(before, {"seed": 2}, ())
+
+
+def test_a_run_of_an_older_version_goes_on_once_it_says_how_it_was_started(tmp_path: Path) -> None:
+    """The message names a line of JSON; with it, the run is accepted."""
+    folder = RunFolder.create(tmp_path, "run", {"settings": {"batch_size": 8}})
+    wanted = {
+        "simulator_backend": "BACKEND_MJX",
+        "settings": {"batch_size": 8, "sizes": (1, 2), "limit": None},
+    }
+    with pytest.raises(
+        RunError,
+        match=r"did not record simulator_backend, but the file says BACKEND_MJX: if that is how the run was "
+        r'started, add "simulator_backend": "BACKEND_MJX" to run\.json; otherwise start a new run',
+    ):
+        refuse_other(folder.facts(), wanted, ())
+    facts = {**folder.facts(), "simulator_backend": "BACKEND_MJX"}
+    with pytest.raises(RunError, match=r'add "sizes": \[1, 2\] to "settings" in run\.json'):
+        refuse_other(facts, wanted, ())
+    refuse_other({**facts, "settings": {"batch_size": 8, "sizes": [1, 2]}}, wanted, ())

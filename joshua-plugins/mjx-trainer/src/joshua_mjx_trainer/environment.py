@@ -199,8 +199,9 @@ class MjxEnvironments:
         rewards, _, potentials = evaluator.rewarded(state, carry["potentials"])
         carry["potentials"] = potentials
         ended, success, _ = evaluator.judged(state)
-        # MuJoCo itself resets a simulation that diverges; here its numbers end with the episode
-        sound = jnp.isfinite(carry["qpos"]).all(axis=1) & jnp.isfinite(carry["qvel"]).all(axis=1)
+        # MuJoCo itself resets a simulation that diverges; here its numbers end with the episode. Its limit
+        # keeps squares finite in single precision; NaN is not below it
+        sound = _bounded(carry["qpos"]) & _bounded(carry["qvel"])
         ended, success = ended | ~sound, success & sound
         rewards = jnp.where(sound, rewards, 0.0)
         final = _chosen(sound, evaluator.observed(state), jnp.float32(0.0))
@@ -267,6 +268,11 @@ def variant_of(model_path: str) -> str:
     """Return the variant of a packaged model for accelerators; other models are simulated as they are."""
     found = {model.name: model.mjx for model in PACKAGED_MODELS}
     return found.get(model_path) or model_path
+
+
+def _bounded(values: Any) -> Any:
+    """Return in which simulations all values are below the limit of MuJoCo's own check, shape (N,)."""
+    return (jnp.abs(values) < mujoco.mjMAXVAL).all(axis=1)
 
 
 def _chosen(rows: Any, one: Any, other: Any) -> Any:

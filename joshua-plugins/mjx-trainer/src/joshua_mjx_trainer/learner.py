@@ -55,6 +55,7 @@ class Learner:
         self._collect = jax.jit(self._collected, static_argnums=1)
         self._learn = jax.jit(self._learned)
         self._advantages = jax.jit(self._judged)
+        self._finite = jax.jit(_all_finite)
         self._window: deque[tuple[float, int, bool]] = deque(maxlen=max(WINDOW, settings.num_envs))
         self._batch: Tree = {}
         self._following: Tree = {}
@@ -95,7 +96,7 @@ class Learner:
                 break
         self._following = tree
         lost = [name for name, number in metrics.items() if not np.isfinite(number)]
-        if lost or not all(bool(jnp.isfinite(values).all()) for values in tree["weights"].values()):
+        if lost or not self._finite((tree["weights"], tree["normalise"])):
             raise DivergedError(
                 f"{', '.join(lost) or 'a weight'} is not a number after {self.steps} steps: lower "
                 "learning_rate, or raise batch_size; the last checkpoint is from before that"
@@ -328,6 +329,11 @@ def _named(tree: Tree) -> list[tuple[str, Any]]:
         (".".join(str(part.key) for part in path), values)
         for path, values in jax.tree_util.tree_flatten_with_path(tree)[0]
     ]
+
+
+def _all_finite(tree: Any) -> Any:
+    """Return whether all numbers of a tree are finite."""
+    return jnp.stack([jnp.isfinite(values).all() for values in jax.tree.leaves(tree)]).all()
 
 
 def _moments(shape: tuple[int, ...]) -> Tree:

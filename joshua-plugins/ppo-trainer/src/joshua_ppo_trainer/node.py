@@ -106,7 +106,10 @@ class RlTrainer(LearningNode):
 
     def _kept_batch(self) -> str:
         """Write the samples of the last update and the weights after it; return where."""
-        path = self.folder.write(BATCH, files.packed(self._learner.last_batch()))
+        try:
+            path = self.folder.write(BATCH, files.packed(self._learner.last_batch()))
+        except RunError as error:  # which must not hide why learning ended
+            return str(error)
         return f"the batch and the weights are in {path}"
 
     def _about_policy(self, training: dict[str, Any]) -> dict[str, Any]:

@@ -112,7 +112,13 @@ class TrainerSettings(RunSettings):
         return self
 
     def check_batch(self) -> None:
-        """Refuse a mini-batch that never fills, once ``n_steps`` is known. Raises FieldError."""
+        """Refuse a mini-batch of one, or that never fills, once ``n_steps`` is known. Raises FieldError."""
+        if self.algorithm == "PPO" and self.batch_size < 2:
+            raise FieldError(
+                "rl_config.batch_size",
+                "PPO brings the advantages of a mini-batch to unit size, which one sample has not",
+                remedy="write 2 or more, 1024 for example",
+            )
         collected = (self.n_steps or 0) * self.num_envs
         if self.algorithm == "PPO" and self.batch_size > collected:
             raise FieldError(

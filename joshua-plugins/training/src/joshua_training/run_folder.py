@@ -176,12 +176,19 @@ def refuse_other(before: Mapping[str, Any], wanted: Mapping[str, Any], free: Col
         free: settings that may change.
 
     Raises:
-        RunError: a setting differs; names the first.
+        RunError: a setting differs, or an older version did not write it; names the first.
     """
     old = {**before, **before.get("settings", {})}
     new = {**wanted, **wanted.get("settings", {})}
     for key, value in new.items():
         if key not in ("settings", "tracking", *free) and _plain(old.get(key)) != _plain(value):
+            if key not in old:
+                place = '"settings" in run.json' if key in wanted.get("settings", {}) else "run.json"
+                raise RunError(
+                    f"an older version started the run and did not record {key}, but the file says {value}: "
+                    f'if that is how the run was started, add "{key}": {json.dumps(_plain(value))} to '
+                    f"{place}; otherwise start a new run"
+                )
             raise RunError(
                 f"the run was started with {key} {old.get(key)}, but the file says {value}: "
                 "continue with the settings of the run, or start a new one"
