@@ -32,10 +32,6 @@ def settings(**fields) -> IsaacSettings:
     )
 
 
-def test_the_preset_is_valid_without_isaac() -> None:
-    assert not examined().errors
-
-
 def test_a_launch_lists_everything_that_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(settings_module, "look", lambda: BARE)
     result = examined(purpose=Purpose.LAUNCH)
@@ -54,30 +50,6 @@ def test_missing_packages_alone_have_another_exit_code(monkeypatch: pytest.Monke
     able = replace(BARE, driver="580.95.05", gpus=(Gpu("NVIDIA RTX A6000", 49_140),))
     monkeypatch.setattr(settings_module, "look", lambda: able)
     assert exit_code_of(examined(purpose=Purpose.LAUNCH)) is ExitCode.NOT_INSTALLED
-
-
-@pytest.mark.parametrize(
-    ("override", "path", "message"),
-    [
-        (
-            'ai.training.rl_config.algorithm="SAC"',
-            "rl_config.algorithm",
-            "no algorithm 'SAC' with BACKEND_ISAAC",
-        ),
-        ("ai.training.rl_config.physics_threads=2", "rl_config.physics_threads", "PhysX computes on the GPU"),
-        ("ai.training.rl_config.tau=0.1", "rl_config.tau", "it belongs to SAC"),
-        (
-            "ai.training.rl_config.batch_size=1000000",
-            "rl_config.batch_size",
-            "4096 environments collect in 24",
-        ),
-        ("ai.training.environment=ENV_REAL", "environment", "ENV_REAL is the robot"),
-    ],
-)
-def test_what_has_no_effect_is_refused(override: str, path: str, message: str) -> None:
-    (error,) = (item for item in examined(override).errors if item.code == "invalid-setting")
-    assert error.field_path == f"ai.training.{path}"
-    assert message in error.message
 
 
 def test_a_task_without_a_scene_is_refused() -> None:

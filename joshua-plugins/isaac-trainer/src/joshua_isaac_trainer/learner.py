@@ -47,6 +47,7 @@ class Learner:
         torch.manual_seed(seed)
         self._settings, self._environment, self._asked = settings, environment, asked
         self._device = device
+        self._length = settings.n_steps or 1
         self._runner: Any = OnPolicyRunner(environment, settings.runner(), log_dir=None, device=device)
         self._algorithm: Any = self._runner.alg
         self._scaler = _Returns(environment.num_envs, settings.gamma, device)
@@ -61,8 +62,7 @@ class Learner:
     @property
     def steps(self) -> int:
         """Environment steps of the complete iterations."""
-        settings = self._settings
-        return self._iterations * settings.n_steps * int(self._environment.num_envs)
+        return self._iterations * self._length * int(self._environment.num_envs)
 
     def iterate(self) -> dict[str, float] | None:
         """Collect and update once. Returns metrics; None if learning was stopped.
@@ -71,7 +71,7 @@ class Learner:
             RunError: a loss is not a number.
         """
         begun_s = time.perf_counter()
-        algorithm, settings = self._algorithm, self._settings
+        algorithm = self._algorithm
         try:
             losses = self._collected_and_updated()
         except (RuntimeError, ValueError) as error:  # torch refuses a spread that is not a number
@@ -88,7 +88,7 @@ class Learner:
         row = {
             "steps": float(self.steps),
             "episodes": float(self._done),
-            "rate/steps_per_s": settings.n_steps * self._environment.num_envs / max(elapsed_s, 1e-9),
+            "rate/steps_per_s": self._length * self._environment.num_envs / max(elapsed_s, 1e-9),
             "train/learning_rate": float(algorithm.learning_rate),
             "train/std": float(algorithm.policy.action_std.detach().mean()),
             **{f"train/{name}_loss": float(value) for name, value in losses.items() if name != "entropy"},
@@ -109,7 +109,7 @@ class Learner:
             self._observations = self._environment.get_observations().to(self._device)
         self._runner.train_mode()
         with torch.inference_mode():
-            for _ in range(settings.n_steps):
+            for _ in range(self._length):
                 if self._asked():
                     algorithm.storage.clear()
                     return None

@@ -34,7 +34,10 @@ DEVICE = "cuda:0"
 LOG, LAST_LINES = "isaac.log", 5
 
 #: Settings that ``run.json`` does not repeat.
-_HIDDEN = {"environment", "environment_id", "output_folder", "resume_run", "tracking", "without_effect"}
+_HIDDEN = {
+    *("environment", "environment_id", "output_folder", "resume_run", "tracking"),
+    *IsaacSettings.WITHOUT_EFFECT,
+}
 
 
 class IsaacError(RunError):

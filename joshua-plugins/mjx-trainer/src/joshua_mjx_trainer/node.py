@@ -27,7 +27,6 @@ class MjxTrainer(RlTrainer):
     """Trains a policy by PPO on an accelerator, and ends the run when all steps are done."""
 
     SETTINGS = MjxSettings
-    BACKEND = "BACKEND_MJX"
     SAVE_S = SAVE_S
 
     def make(self, chosen: Any, seed: int) -> tuple[Any, Any]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from joshua.api import FieldError
+from collections.abc import Mapping
+from typing import ClassVar
+
 from joshua_ppo_trainer.settings import TrainerSettings
-from pydantic import model_validator
-from typing_extensions import Self
 
 #: How long a stop waits for the last files.
 SAVE_S = 20.0
@@ -13,6 +13,10 @@ SAVE_S = 20.0
 
 class MjxSettings(TrainerSettings):
     """Settings of a training on MuJoCo XLA."""
+
+    BACKEND = "BACKEND_MJX"
+    TRAINS_BY = ("PPO",)
+    WITHOUT_EFFECT: ClassVar[Mapping[str, str]] = {"physics_threads": "JAX distributes the physics itself"}
 
     @property
     def ready_timeout_s(self) -> float:
@@ -23,20 +27,3 @@ class MjxSettings(TrainerSettings):
     def stop_timeout_s(self) -> float:
         """Time to end the steps that JAX computes at once, and to write the last checkpoint."""
         return SAVE_S + 10.0
-
-    @model_validator(mode="after")
-    def _has_effect(self) -> Self:
-        if self.algorithm == "SAC":
-            raise FieldError(
-                "rl_config.algorithm",
-                "BACKEND_MJX trains by PPO only",
-                allowed=("PPO",),
-                remedy='write algorithm: "PPO", or simulator_backend: BACKEND_MUJOCO',
-            )
-        if self.physics_threads:
-            raise FieldError(
-                "rl_config.physics_threads",
-                "physics_threads has no effect with BACKEND_MJX, because JAX distributes the physics itself",
-                remedy="remove it",
-            )
-        return self

@@ -30,9 +30,8 @@ class RlTrainer(LearningNode):
     SHOWN = (("episode/success_rate", "success {:.2f}"), ("episode/return", "return {:.1f}"))
     FREE = ("total_timesteps", "checkpoint_steps", "physics_threads", "learning_rate")
 
-    #: Settings of the trainer, and its simulator.
+    #: Settings of the trainer.
     SETTINGS: ClassVar[type[TrainerSettings]] = TrainerSettings
-    BACKEND: ClassVar[str] = "BACKEND_MUJOCO"
 
     def __init__(self, context: NodeContext) -> None:
         super().__init__(context)
@@ -63,7 +62,7 @@ class RlTrainer(LearningNode):
             raise RunError(f"{error}: {error.remedy}") from error
         seed = 0 if chosen.seed is None else chosen.seed
         facts: dict[str, Any] = {
-            "simulator_backend": self.BACKEND,
+            "simulator_backend": settings.BACKEND,
             "environment": chosen.environment_id,
             "reward_function": chosen.reward_function,
             "seed": seed,
