@@ -15,20 +15,29 @@ from joshua_mujoco_sim.envs.state import FloatArray
 #: Joints that place the grip; the sixth is the gripper.
 _REACHING = 5
 
-#: Gripper goals, rad: open for the cube, closed on it (the servo presses), released.
-OPEN_RAD, CLOSED_RAD, RELEASED_RAD = 0.9, -0.1, 0.7
+#: Gripper goals, rad: open, and closed on the cube (the servo presses).
+OPEN_RAD, CLOSED_RAD = 0.65, -0.1
 
-#: Largest motion of the grip in one step: 0.25 m/s.
-STEP_M = 0.008
+#: Gripper angle below which the jaws hold the cube.
+HELD_RAD = 0.21
 
-#: Height of the grip above the cube before and after it is held.
-HOVER_M, CARRY_M = 0.042, 0.028
+#: Largest motion of the grip in one step, 0.25 m/s, and largest turn.
+STEP_M, TURN_RAD = 0.01, 0.1
 
-#: Height of the grip above the centre of the cube when grasping; keeps the moving jaw clear of the table.
-GRASP_M = 0.006
+#: Height of the grip above the place where it grasps, and of the cube above the table while it is carried.
+HOVER_M, CARRY_M = 0.035, 0.028
 
-#: Recoveries: spread of the first approach beside its target, and of its angle.
-ASTRAY_M, ASTRAY_RAD = 0.02, 0.3
+#: Place of the grip when it grasps: above the centre of the cube, so that the jaws stay clear of the table,
+#: and aside, so that the open jaws are equally far from it.
+GRASP_M, SIDE_M = 0.010, 0.009
+
+#: A cube this near to the goal stays there.
+AT_GOAL_M = 0.014
+
+#: Where the arm's base turns.
+BASE_Y_M = -0.045
+
+_UP = np.array([0.0, 0.0, 1.0])
 
 #: Recoveries: heights of the grip at the start, above the table.
 START_LOW_M, START_HIGH_M = 0.05, 0.16
@@ -93,6 +102,12 @@ class Kinematics:
             found = np.clip(found + np.clip(change, -0.3, 0.3), self._low, self._high)
         return found
 
+    def place(self, joints: FloatArray) -> FloatArray:
+        """Return where the grip is at joint angles (rad, five)."""
+        self._data.qpos[:_REACHING] = joints
+        mujoco.mj_kinematics(self._model, self._data)
+        return np.array(self._data.site_xpos[self._site])
+
     @staticmethod
     def _turn(frame: FloatArray, yaw_rad: float) -> FloatArray:
         """Return the remaining rotation vector (world): fingers (-y) down, x along the line."""
@@ -105,13 +120,13 @@ class Kinematics:
 
 
 class _ArmExpert:
-    """Moves the grip along straight lines; a task is a generator of targets.
+    """Moves the grip along straight lines; a task is a generator of goals.
 
     Args:
         environment: a single environment of the task; its actions may be ``delta`` or ``absolute``.
         noise_rad: normal noise of the goals, to vary demonstrations; seed: of the noise.
-        recoveries: share of the episodes that show how to recover: the arm starts anywhere, with the jaws at
-            any opening, and approaches its targets beside before it corrects itself.
+        recoveries: share of the episodes that show how to recover from an error: the arm starts anywhere,
+            with the jaws at any opening.
     """
 
     def __init__(
@@ -127,14 +142,13 @@ class _ArmExpert:
         self._kinematics = Kinematics(environment.state.model)
         self._noise_rad, self._chance = noise_rad, np.random.default_rng(seed)
         self._limits = arm.goal_ranges(environment.state.model)
-        self._recoveries, self._recovers = recoveries, False
+        self._recoveries = recoveries
         self.reset()
 
     def scatter(self, seed: int) -> None:
         """Move the arm elsewhere in the share of episodes that show recoveries."""
         chance = np.random.default_rng([seed, 7])
-        self._recovers = chance.random() < self._recoveries
-        if not self._recovers:
+        if chance.random() >= self._recoveries:
             return
         state = self._state
         joints = np.array(state.qpos[0, :_REACHING])
@@ -159,7 +173,7 @@ class _ArmExpert:
         wanted = goal + self._noise_rad * self._chance.standard_normal(6)
         wanted = np.clip(wanted, *self._limits)
         step = np.clip((wanted - state.ctrl[0]) / arm.STEP_RAD, -1.0, 1.0)
-        self._goal = goal
+        self._goal = np.clip(goal, state.ctrl[0] - arm.STEP_RAD, state.ctrl[0] + arm.STEP_RAD)
         if self._absolute:
             return (state.ctrl[0] + arm.STEP_RAD * step).astype(np.float32)
         return step.astype(np.float32)
@@ -171,36 +185,22 @@ class _ArmExpert:
         """Return a place for the grip to start at: anywhere in front of the arm."""
         radius, angle = chance.uniform(0.16, 0.28), chance.uniform(-0.9, 0.9)
         height = chance.uniform(START_LOW_M, START_HIGH_M)
-        return np.array([radius * np.sin(angle), -0.045 - radius * np.cos(angle), height])
-
-    def _astray(self) -> tuple[FloatArray, float]:
-        """Return the error of a first approach (m) and of its angle."""
-        draw = self._chance.standard_normal(3)
-        return ASTRAY_M * draw * (1.0, 1.0, 0.0), ASTRAY_RAD * float(draw[2])
+        return np.array([radius * np.sin(angle), BASE_Y_M - radius * np.cos(angle), height])
 
     def _closing_line(self) -> float:
         """Return the angle about z of the line along which the jaws close."""
         line = self._state.data.xmat[self._state.model.body("Fixed_Jaw").id].reshape(3, 3)[:, 0]
         return float(np.arctan2(line[1], line[0]))
 
-    def _move(
-        self,
-        target: FloatArray | Callable[[], FloatArray],
-        gripper: float,
-        yaw: float | None = None,
-        settle: int = 0,
-    ) -> Iterator[FloatArray]:
-        """Yield goals on the way to a target, which may move, and further ones while the arm settles."""
-        present = target if callable(target) else lambda: target
+    def _move(self, target: FloatArray, gripper: float) -> Iterator[FloatArray]:
+        """Yield goals on the way to a target."""
         while True:
-            way = present() - self._at
+            way = target - self._at
             length = float(np.linalg.norm(way))
             self._at = self._at + way * min(1.0, STEP_M / max(length, 1e-9))
-            yield self._goals(self._at, gripper, yaw)
+            yield self._goals(self._at, gripper, None)
             if length <= STEP_M:
                 break
-        for _ in range(settle):
-            yield self._goals(present(), gripper, yaw)
 
     def _goals(self, target: FloatArray, gripper: float, yaw: float | None) -> FloatArray:
         return np.append(self._kinematics.solve(self._goal[:_REACHING], target, yaw), gripper)
@@ -219,49 +219,66 @@ class ReachExpert(_ArmExpert):
 
 
 class PickPlaceExpert(_ArmExpert):
-    """Grasps the cube from above, carries it over the goal, places it and releases it."""
+    """Grasps the cube from above, carries it to the goal, puts it down and releases it.
+
+    Each goal follows from where arm, cube and goal are now, not from what happened before: there is no pause
+    whose end a picture does not show, and an error is corrected from wherever it leads.
+    """
+
+    def reset(self) -> None:
+        """Begin an episode."""
+        self._line = self._closing_line()
+        super().reset()
 
     def _steps(self) -> Iterator[FloatArray]:
-        def cube() -> FloatArray:
-            return np.array(self._state.site("cube")[0])
-
-        def goal() -> FloatArray:
-            return np.array(self._state.site("goal")[0])
-
-        up = np.array([0.0, 0.0, 1.0])
-
-        def held() -> bool:
-            return float(np.linalg.norm(cube() - self._state.site("gripper")[0])) < arm.LET_GO_M
-
         while True:
-            yaw = self._grasp_angle()
-            if self._recovers:
-                beside, turned = self._astray()
-                yield from self._move(cube() + HOVER_M * up + beside, OPEN_RAD, yaw + turned)
-            yield from self._move(lambda: cube() + HOVER_M * up, OPEN_RAD, yaw, settle=2)
-            yield from self._move(lambda: cube() + GRASP_M * up, OPEN_RAD, yaw, settle=2)
-            place = cube() + GRASP_M * up
-            for _ in range(13):
-                yield self._goals(place, CLOSED_RAD, yaw)
-            lifted = place + CARRY_M * up
-            yield from self._move(lifted, CLOSED_RAD, yaw, settle=1)
-            if not held():
-                continue
-            # the cube is where the jaws hold it, not where the grip is
-            over = goal() + (self._at - cube()) * (1.0, 1.0, 0.0) + (CARRY_M + GRASP_M) * up
-            if self._recovers:
-                yield from self._move(over + self._astray()[0], CLOSED_RAD, yaw)
-            yield from self._move(over, CLOSED_RAD, yaw, settle=2)
-            over = over + (goal() - cube()) * (1.0, 1.0, 0.0)
-            if not held():
-                continue
-            down = over - (CARRY_M - 0.001) * up
-            yield from self._move(down, CLOSED_RAD, yaw, settle=2)
-            if not held():
-                continue
-            for _ in range(6):
-                yield self._goals(down, RELEASED_RAD, yaw)
-            yield from self._move(over, RELEASED_RAD, yaw, settle=5)
+            self._at = self._kinematics.place(self._goal[:_REACHING])
+            yield self._carry() if self._holds() else self._fetch()
+
+    def _fetch(self) -> FloatArray:
+        """Return the goals while the jaws are empty: away from a placed cube, or to the cube."""
+        cube, goal = self._state.site("cube")[0], self._state.site("goal")[0]
+        jaw = float(self._state.qpos[0, 5])
+        if np.hypot(*(cube - goal)[:2]) < AT_GOAL_M:
+            return self._to(self._at + (STEP_M if jaw > 0.3 else 0.0) * _UP, OPEN_RAD, self._line)
+        yaw = self._grasp_angle()
+        aside = SIDE_M * np.array([np.cos(yaw), np.sin(yaw), 0.0])
+        way = cube + GRASP_M * _UP + aside - self._at
+        error = float(np.hypot(*way[:2])) + 0.03 * abs(yaw - self._line)
+        if error < 0.008 and abs(way[2]) < 0.012:
+            return self._to(self._at + way, CLOSED_RAD, yaw)
+        # down along a funnel: the nearer to the cube, the lower, with the jaws open
+        above = HOVER_M * min(1.0, max(0.0, error - 0.004) / 0.012)
+        if jaw < 0.8 * OPEN_RAD:
+            above = max(above, min(HOVER_M, -float(way[2])))
+        return self._to(self._at + way + above * _UP, OPEN_RAD, yaw)
+
+    def _carry(self) -> FloatArray:
+        """Return the goals while the jaws hold the cube: up, over the goal, down, and release."""
+        cube, goal = self._state.site("cube")[0], self._state.site("goal")[0]
+        way = (goal - cube) * (1.0, 1.0, 0.0)
+        error, height = float(np.hypot(*way[:2])), float(cube[2]) - arm.HALF_CUBE_M
+        if error < 0.010 and height < 0.008:
+            return self._to(self._at + (0.001 - height) * _UP, OPEN_RAD, self._line)
+        if error > 0.02 and height < 0.4 * CARRY_M:
+            return self._to(self._at + CARRY_M * _UP, CLOSED_RAD, self._line)
+        wanted = CARRY_M * min(1.0, max(0.0, error - 0.004) / 0.012)
+        return self._to(self._at + way + (wanted - height) * _UP, CLOSED_RAD, self._radial(self._at))
+
+    def _holds(self) -> bool:
+        """Return whether the jaws are closed on the cube."""
+        state = self._state
+        near = float(np.linalg.norm(state.site("cube")[0] - state.site("gripper")[0])) < 0.028
+        jaw, speed = float(state.qpos[0, 5]), float(state.qvel[0, 5])
+        return near and (jaw < HELD_RAD or (jaw < 0.4 and abs(speed) < 0.3 and state.ctrl[0, 5] < jaw))
+
+    def _to(self, target: FloatArray, gripper: float, yaw: float) -> FloatArray:
+        """Return the goals of one step towards a target."""
+        way = target - self._at
+        length = float(np.linalg.norm(way))
+        self._at = self._at + way * min(1.0, STEP_M / max(length, 1e-9))
+        self._line += float(np.clip(yaw - self._line, -TURN_RAD, TURN_RAD))
+        return self._goals(self._at, gripper, self._line)
 
     def _start(self, chance: np.random.Generator) -> FloatArray:
         """Return a place for the grip to start at: most often above the cube or beside it."""
@@ -272,6 +289,11 @@ class PickPlaceExpert(_ArmExpert):
         beside[2] = anywhere[2]
         return beside
 
+    @staticmethod
+    def _radial(place: FloatArray) -> float:
+        """Return the angle about z at which the jaws close across the line from the base to a place."""
+        return float(np.arctan2(place[0], -(place[1] - BASE_Y_M)))
+
     def _grasp_angle(self) -> float:
         """Return the closing direction of the jaws about z: across two faces of the cube.
 
@@ -279,8 +301,8 @@ class PickPlaceExpert(_ArmExpert):
         """
         w, x, y, z = self._state.qpos[0, 9:13]
         yaw = float(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
-        present = self._closing_line()
-        return present + (yaw - present + np.pi / 4) % (np.pi / 2) - np.pi / 4
+        across = self._radial(self._state.site("cube")[0])
+        return across + (yaw - across + np.pi / 4) % (np.pi / 2) - np.pi / 4
 
 
 #: The expert of each environment that has one.
