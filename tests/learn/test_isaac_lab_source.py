@@ -8,6 +8,9 @@ from functools import cache
 from pathlib import Path
 
 import joshua_isaac_trainer
+from joshua_isaac_trainer import scene
+from joshua_isaac_trainer.settings import TASKS
+from joshua_isaac_trainer.tasks import TensorTask
 
 
 def lab_source() -> Path:
@@ -101,9 +104,9 @@ def test_isaac_lab_has_the_methods_that_the_task_calls() -> None:
     assert {"process_actions", "apply_actions", "raw_actions", "processed_actions"} <= methods(
         "ActionTerm"
     ).keys()
-    for (event,) in (known["randomize_actuator_gains"], known["randomize_joint_parameters"]):
-        (call,) = (item for item in event.body if getattr(item, "name", "") == "__call__")
-        assert "operation" in {argument.arg for argument in call.args.args}  # type: ignore[attr-defined]
+    for event in (e for t in map(TensorTask, TASKS) for e in scene.randomisation(t.task, t.model).values()):
+        assert {"asset_cfg", *event.parameters} <= set(methods(event.function)["__call__"])
+        assert {"name", *event.parts} <= fields(known, "SceneEntityCfg")
     rl = classes([*(lab_source() / "isaaclab_rl/isaaclab_rl/rsl_rl").glob("*.py")])
     wrapper = {item.name for item in rl["RslRlVecEnvWrapper"][0].body if isinstance(item, ast.FunctionDef)}
     assert {"step", "get_observations", "unwrapped"} <= wrapper

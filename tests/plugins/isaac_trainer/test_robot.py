@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -9,6 +10,10 @@ import numpy as np
 import pytest
 from joshua_isaac_trainer import scene
 from joshua_isaac_trainer.robot import AssetError, drives, robot_bodies, roll_pitch_yaw, urdf_of, write_urdf
+from joshua_isaac_trainer.settings import TASKS
+from joshua_mujoco_sim.envs import TASKS as ALL_TASKS
+from joshua_mujoco_sim.envs import common_terms as common
+from joshua_mujoco_sim.envs.terms import ResetTerm
 from joshua_mujoco_sim.model_file import load_model
 
 ARM = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
@@ -107,3 +112,40 @@ def test_table_and_cube_are_in_the_scene(model) -> None:
     assert boxes["table"].position_m[2] + boxes["table"].size_m[2] / 2 == pytest.approx(0.0)
     assert scene.free_bodies(model) == {"cube": slice(6, 13)}
     assert scene.decimation(0.04) == 8
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_what_a_task_varies_is_varied_in_isaac_lab(name: str) -> None:
+    task = ALL_TASKS[name]()
+    model = load_model(task.model_path)
+    events = scene.randomisation(task, model)
+    assert {term.name for term in task.randomisation} <= {key.removesuffix("_robot") for key in events}
+    shown = {
+        event.function.removeprefix("randomize_") + ":" + key: value
+        for event in events.values()
+        if event.asset == "robot"
+        for key, value in event.parameters.items()
+        if isinstance(value, tuple)
+    }
+    assert shown == {
+        "actuator_gains:stiffness_distribution_params": (0.8, 1.2),
+        "actuator_gains:damping_distribution_params": (0.7, 1.3),
+        "joint_parameters:friction_distribution_params": (0.5, 1.5),
+        "rigid_body_material:static_friction_range": (0.7, 1.3),
+        "rigid_body_material:dynamic_friction_range": (0.7, 1.3),
+        "rigid_body_material:restitution_range": (0.0, 0.0),
+    }
+    assert {event.asset for event in events.values()} == {"robot", *scene.free_bodies(model)}
+    assert float(model.geom("fixed_jaw_pad_1").friction[0]) == scene.FRICTION
+    wider = replace(task.randomisation[0], parameters={"low": 0.5, "high": 2.0})
+    event = scene.randomisation(replace(task, randomisation=(wider,)), model)["servo_gain"]
+    assert event.parameters["stiffness_distribution_params"] == (0.5, 2.0)
+
+
+def test_what_isaac_lab_cannot_vary_is_refused(model) -> None:
+    task = ALL_TASKS["joshua/SoArm100PickPlace-v0"]()
+    with pytest.raises(AssetError, match=r"randomise has no effect: the task on so_arm100/pick_place.xml"):
+        scene.randomisation(replace(task, randomisation=()), model)
+    mass = ResetTerm("load", common.randomise, {"field": "body_mass", "low": 0.5, "high": 2.0})
+    with pytest.raises(AssetError, match="Isaac Lab has no event for load of so_arm100/pick_place"):
+        scene.randomisation(replace(task, randomisation=(mass,)), model)

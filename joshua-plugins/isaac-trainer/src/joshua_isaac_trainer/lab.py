@@ -186,7 +186,9 @@ def environment_config(job: Mapping[str, Any], folder: Path) -> Any:
         device=job["device"],
         dt=task.step_s / config.decimation,
         render_interval=config.decimation,
-        physics_material=sim_utils.RigidBodyMaterialCfg(static_friction=1.0, dynamic_friction=1.0),
+        physics_material=sim_utils.RigidBodyMaterialCfg(
+            static_friction=scene.FRICTION, dynamic_friction=scene.FRICTION
+        ),
     )
     config.scene = InteractiveSceneCfg(num_envs=job["num_envs"], env_spacing=scene.SPACING_M)
     config.scene.robot = _robot(task, folder)
@@ -219,7 +221,8 @@ def environment_config(job: Mapping[str, Any], folder: Path) -> Any:
     config.terminations["time_out"] = TerminationTermCfg(func=mdp.time_out, time_out=True)
     config.events = {"begin": EventTermCfg(func=begun, mode="reset")}
     if job["randomise"]:
-        config.events |= _randomisation()
+        events = scene.randomisation(task.task, task.model)
+        config.events |= {name: _event(event) for name, event in events.items()}
     return config
 
 
@@ -311,37 +314,7 @@ def _box(box: scene.Box) -> Any:
     return RigidObjectCfg(prim_path=path, spawn=shape, init_state=state)
 
 
-def _randomisation() -> dict[str, Any]:
-    """Return the events for ``randomise``, with the ranges of the task's own randomisation in MuJoCo."""
-    robot = SceneEntityCfg("robot", joint_names=".*")
-    low, high = scene.RANDOMISED["servo_gain"]
-    friction = scene.RANDOMISED["dry_friction"]
-    touch = scene.RANDOMISED["contact_friction"]
-    return {
-        "servo_gain": EventTermCfg(
-            func=mdp.randomize_actuator_gains,
-            mode="reset",
-            params={
-                "asset_cfg": robot,
-                "stiffness_distribution_params": (low, high),
-                "damping_distribution_params": scene.RANDOMISED["damping"],
-                "operation": "scale",
-            },
-        ),
-        "dry_friction": EventTermCfg(
-            func=mdp.randomize_joint_parameters,
-            mode="reset",
-            params={"asset_cfg": robot, "friction_distribution_params": friction, "operation": "scale"},
-        ),
-        "contact_friction": EventTermCfg(
-            func=mdp.randomize_rigid_body_material,
-            mode="startup",
-            params={
-                "asset_cfg": SceneEntityCfg("robot", body_names=".*"),
-                "static_friction_range": touch,
-                "dynamic_friction_range": touch,
-                "restitution_range": (0.0, 0.0),
-                "num_buckets": 64,
-            },
-        ),
-    }
+def _event(event: scene.Event) -> Any:
+    asset = SceneEntityCfg(event.asset, **event.parts)
+    params = {"asset_cfg": asset, **event.parameters}
+    return EventTermCfg(func=getattr(mdp, event.function), mode=event.mode, params=params)

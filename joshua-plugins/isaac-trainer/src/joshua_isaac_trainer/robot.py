@@ -12,6 +12,7 @@ from xml.etree import ElementTree as Xml
 import mujoco
 import numpy as np
 import numpy.typing as npt
+from joshua_training.run_folder import RunError
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -26,7 +27,7 @@ _FASTEST_RAD_S = 50.0
 _SEEN = 2
 
 
-class AssetError(Exception):
+class AssetError(RunError):
     """The model cannot be used in Isaac Sim; the message says why and what to do."""
 
 

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
+from joshua_mujoco_sim.envs import common_terms as common
+from joshua_mujoco_sim.envs.terms import Task
 
 from joshua_isaac_trainer.robot import AssetError, robot_bodies
 
 #: Distance between the copies of the scene, and the physics step that PhysX takes.
 SPACING_M, PHYSICS_S = 1.5, 0.005
 
-#: Ranges of the factors by which ``randomise`` varies the physics, those of the tasks in MuJoCo.
-RANDOMISED: Mapping[str, tuple[float, float]] = {
-    "servo_gain": (0.8, 1.2),
-    "damping": (0.7, 1.3),
-    "dry_friction": (0.5, 1.5),
-    "contact_friction": (0.7, 1.3),
-}
+#: Friction of the robot and of what says no other, and materials of which each shape gets one at random.
+FRICTION, MATERIALS = 1.0, 64
 
 
 @dataclass(frozen=True)
@@ -35,6 +33,23 @@ class Box:
     mass_kg: float | None
     friction: float
     colour: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Event:
+    """An event of Isaac Lab that varies the physics.
+
+    Attributes:
+        function: its name in ``isaaclab.envs.mdp``; mode: when it happens.
+        asset: name in the scene; parts: its parts, by the field of ``SceneEntityCfg``.
+        parameters: further arguments of the function.
+    """
+
+    function: str
+    mode: str
+    asset: str
+    parts: Mapping[str, str]
+    parameters: Mapping[str, Any]
 
 
 def decimation(step_s: float) -> int:
@@ -86,6 +101,64 @@ def parts(model: mujoco.MjModel) -> list[Box]:
             )
         )
     return found
+
+
+def randomisation(task: Task, model: mujoco.MjModel) -> dict[str, Event]:
+    """Return the events of ``randomise``, by name: what the task varies in MuJoCo, in the same ranges.
+
+    Servos, damping and dry friction change with each episode. PhysX takes friction of contacts from few
+    materials, which the copies of the scene get once, at the start.
+
+    Raises:
+        AssetError: the task varies nothing, or something that Isaac Lab has no event for.
+    """
+    if not task.randomisation:
+        raise AssetError(f"randomise has no effect: the task on {task.model_path} varies nothing")
+    found: dict[str, Event] = {}
+    for term in task.randomisation:
+        factors = (float(term.parameters["low"]), float(term.parameters["high"]))
+        is_gain = term.function is common.randomise_servos
+        field = "" if is_gain else str(term.parameters.get("field", term.name))
+        if field == "geom_friction":
+            nominal = {"robot": FRICTION} | {
+                box.name: box.friction for box in parts(model) if box.mass_kg is not None
+            }
+            found |= {
+                f"{term.name}_{name}": _touch(name, factors, friction) for name, friction in nominal.items()
+            }
+        elif field in _DRIVES:
+            function, argument = _DRIVES[field]
+            varied = {argument: factors, "operation": "scale"}
+            found[term.name] = Event(function, "reset", "robot", {"joint_names": ".*"}, varied)
+        else:
+            raise AssetError(f"randomise: Isaac Lab has no event for {term.name} of {task.model_path}")
+    return found
+
+
+#: Function and argument of Isaac Lab that vary a field of the model; "" is the gain of servos.
+_DRIVES = {
+    "": ("randomize_actuator_gains", "stiffness_distribution_params"),
+    "dof_damping": ("randomize_actuator_gains", "damping_distribution_params"),
+    "dof_frictionloss": ("randomize_joint_parameters", "friction_distribution_params"),
+}
+
+
+def _touch(asset: str, factors: tuple[float, float], friction: float) -> Event:
+    low, high = factors
+    friction_range = (low * friction, high * friction)
+    return Event(
+        "randomize_rigid_body_material",
+        "startup",
+        asset,
+        {"body_names": ".*"},
+        {
+            "static_friction_range": friction_range,
+            "dynamic_friction_range": friction_range,
+            "restitution_range": (0.0, 0.0),
+            "num_buckets": MATERIALS,
+            "make_consistent": True,  # else a shape could slide with more friction than it rests with
+        },
+    )
 
 
 def _colour(model: mujoco.MjModel, geom: int) -> tuple[float, float, float]:
