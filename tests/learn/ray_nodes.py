@@ -13,6 +13,7 @@ os.environ |= {
     "RAY_AUTH_MODE": "token",
     "RAY_AUTH_TOKEN": secrets.token_hex(16),
     "RAY_USAGE_STATS_ENABLED": "0",
+    "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",  # on the loopback
     "RAY_health_check_period_ms": "500",  # a lost node is noticed soon
     "RAY_health_check_failure_threshold": "3",
     "RAY_worker_niceness": "0",  # workers advance on a busy machine

@@ -16,7 +16,7 @@ FOLDERS = [
 ]
 
 # Libraries that stand on nothing of JOSHUA, and that the host need not find.
-LIBRARIES = ("jobs", "preview", "ray")
+LIBRARIES = ("jobs", "preview")
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)

@@ -14,7 +14,9 @@ from joshua_ray import addresses, executor
 ROOT = Path(__file__).resolve().parents[3]
 
 
-@pytest.mark.parametrize("address", ["127.0.0.1:6379", "localhost:6379", "[::1]:6379", "127.8.0.1:1"])
+@pytest.mark.parametrize(
+    "address", ["local", "127.0.0.1:6379", "localhost:6379", "[::1]:6379", "127.8.0.1:1"]
+)
 def test_the_loopback_needs_nothing(address: str) -> None:
     addresses.check(address, {})
 
@@ -113,7 +115,7 @@ def test_no_node_of_a_robot_loads_ray() -> None:
         for path in (ROOT / "joshua-plugins").glob("*/src/**/*.py")
         if any(line.strip().startswith(("import ray", "from ray")) for line in path.read_text().splitlines())
     }
-    assert loading == {"ray/src/joshua_ray/cluster.py"}
+    assert loading == {f"ray/src/joshua_ray/{name}.py" for name in ("cluster", "trial", "tuning")}
     code = "import sys, joshua_ray.executor; print('ray' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

@@ -27,7 +27,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
             action=_Chosen,
             dest="executor",
             default=None,
-            help="work on a cluster: HOST:PORT of its head",
+            help="work on a cluster: HOST:PORT of its head, or local for one of this machine",
         )
 
 

@@ -12,6 +12,9 @@ from pathlib import Path
 
 from joshua_jobs.executor import JobError
 
+#: Starts a cluster of this machine alone.
+LOCAL = "local"
+
 _INVALID = 2
 
 #: Files of TLS, by Ray's variables.
@@ -21,7 +24,7 @@ _ADDRESS = re.compile(r"(?:\[(?P<six>[0-9a-fA-F:.]+)\]|(?P<name>[A-Za-z0-9._-]+)
 
 
 def parsed(address: str) -> tuple[str, int]:
-    """Return host and port of an address. Raises JobError."""
+    """Return host and port of an address other than ``local``. Raises JobError."""
     if "://" in address:
         raise JobError(
             f"--ray {address}: Ray's client protocol is not supported. Make this machine a node of "
@@ -32,7 +35,7 @@ def parsed(address: str) -> tuple[str, int]:
     port = int(match["port"]) if match else 0
     if match is None or not 0 < port < 65536:
         raise JobError(
-            f"--ray {address}: not an address. Write HOST:PORT of the head, such as 127.0.0.1:6379",
+            f"--ray {address}: not an address. Write HOST:PORT of the head, such as 127.0.0.1:6379, or local",
             _INVALID,
         )
     return match["six"] or match["name"], port
@@ -54,6 +57,8 @@ def check(address: str, environment: Mapping[str, str]) -> None:
     Raises:
         JobError: with exit code 2.
     """
+    if address == LOCAL:
+        return
     host, _ = parsed(address)
     if not is_loopback(host):
         refuse_unprotected(f"--ray {address}", environment)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import secrets
 import signal
 import socket
 import threading
@@ -16,7 +17,7 @@ from typing import Any
 
 from joshua_jobs.executor import Crew, Executor, Item, JobError, Result, Stopped, never
 
-from joshua_ray.addresses import is_loopback, parsed, refuse_unprotected
+from joshua_ray.addresses import LOCAL, is_loopback, parsed, refuse_unprotected
 
 #: How often a waiting executor asks whether it is stopped, and whether a worker is left.
 POLL_S = 0.5
@@ -33,12 +34,18 @@ CONNECT_S = 3.0
 #: Share of a core that a member of a crew reserves, so that the cores left after a loss suffice for all.
 SHARE = 0.1
 
+#: Ray's variable whose value 0 keeps it on the loopback, on every system despite its name.
+LOOPBACK_ONLY = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"
+
+#: Memory for shared objects of a cluster of this machine, in bytes.
+LOCAL_STORE = 128 * 1024 * 1024
+
 
 class Cluster(Executor):
     """The workers of a Ray cluster.
 
     Args:
-        address: HOST:PORT of its head, of which this machine is a node.
+        address: HOST:PORT of its head, of which this machine is a node; ``local`` starts one.
         limit: of jobs at the same time; None for one per core.
         patience_s: how long a cluster without any worker is given to get one.
 
@@ -49,7 +56,8 @@ class Cluster(Executor):
     def __init__(self, address: str, limit: int | None = None, patience_s: float = PATIENCE_S) -> None:
         self._patience_s, self._limit = patience_s, limit
         self.address = address
-        self._ray: Any = _connected(address)
+        self._token = os.environ.get("RAY_AUTH_MODE"), os.environ.get("RAY_AUTH_TOKEN")
+        self._ray: Any = _local() if address == LOCAL else _connected(address)
 
     @property
     def workers(self) -> int:
@@ -61,6 +69,15 @@ class Cluster(Executor):
         """Return the cores of the nodes that are alive, which tasks can reserve."""
         nodes = self._ray.nodes()
         return sum(float(node["Resources"].get("CPU", 0.0)) for node in nodes if node["Alive"])
+
+    def largest(self) -> float:
+        """Return the cores of the node that has the most."""
+        nodes = [node for node in self._ray.nodes() if node["Alive"]]
+        return max((float(node["Resources"].get("CPU", 0.0)) for node in nodes), default=0.0)
+
+    def patience(self, needed: float) -> Patience:
+        """Return what raises JobError once the cluster has had too few cores for a while."""
+        return Patience(self, needed, self._patience_s)
 
     def in_order(
         self,
@@ -94,6 +111,11 @@ class Cluster(Executor):
         module, self._ray = self._ray, None
         if module is not None:
             module.shutdown()
+            for name, value in zip(("RAY_AUTH_MODE", "RAY_AUTH_TOKEN"), self._token, strict=True):
+                if value is None:
+                    os.environ.pop(name, None)
+                else:
+                    os.environ[name] = value
 
     def _result(self, job: _Job, stopping: Callable[[], bool]) -> Any:
         while True:
@@ -119,21 +141,11 @@ class Cluster(Executor):
         Raises:
             Stopped: ``stopping`` returned True. JobError: no worker was left for a while.
         """
-        alone_since: float | None = None
+        patience = self.patience(needed)
         while not self._ray.wait([answer], timeout=POLL_S, fetch_local=False)[0]:
             if stopping():
                 raise Stopped
-            if self.cores() >= needed:
-                alone_since = None
-                continue
-            now = time.monotonic()
-            alone_since = now if alone_since is None else alone_since
-            if now - alone_since >= self._patience_s:
-                raise JobError(
-                    f"all workers of the cluster {self.address} are lost: no node with a free core for "
-                    f"{self._patience_s:g} s. Start nodes (ray start --address={self.address}), and run the "
-                    "command again"
-                )
+            patience.check()
 
     def answered(self, answer: Any) -> Any:
         """Return an answer that is there, or ``_Lost``. Raises the exception of the job."""
@@ -164,6 +176,33 @@ class Cluster(Executor):
             return _Lost(str(error).partition("\n")[0] or type(error).__name__)
         except exceptions.RayError as error:
             raise JobError(f"the cluster {self.address} failed: {error}") from error
+
+
+class Patience:
+    """Gives a cluster that has too few cores time to get some.
+
+    Args:
+        cluster: asked for its cores; needed: cores; limit_s: how long they may be missing.
+    """
+
+    def __init__(self, cluster: Cluster, needed: float, limit_s: float) -> None:
+        self._cluster, self._needed, self._limit_s = cluster, needed, limit_s
+        self._since: float | None = None
+
+    def check(self) -> None:
+        """To be called often. Raises JobError if cores have been missing for too long."""
+        if self._cluster.cores() >= self._needed:
+            self._since = None
+            return
+        now = time.monotonic()
+        self._since = now if self._since is None else self._since
+        if now - self._since >= self._limit_s:
+            address = self._cluster.address
+            raise JobError(
+                f"all workers of the cluster {address} are lost: no node with a free core for "
+                f"{self._limit_s:g} s. Start nodes (ray start --address={address}), and run the "
+                "command again"
+            )
 
 
 def _imported_in_vain(text: str) -> str:
@@ -249,18 +288,35 @@ class _RayCrew(Crew):
                 self._ray.kill(member)
 
 
+def _local() -> Any:
+    """Start a cluster of this machine, on the loopback, with a token that only its processes know."""
+    os.environ["RAY_AUTH_MODE"] = "token"
+    os.environ["RAY_AUTH_TOKEN"] = secrets.token_hex(32)
+    module = _imported(on_loopback=True)
+    _init(
+        module,
+        address=LOCAL,
+        num_cpus=len(os.sched_getaffinity(0)),
+        include_dashboard=False,
+        object_store_memory=LOCAL_STORE,
+    )
+    return module
+
+
 def _connected(address: str) -> Any:
     """Join a cluster as its driver. Raises JobError."""
     host, port = parsed(address)
+    head = f"ray start --head --node-ip-address={host} --port={port} --include-dashboard=false"
+    if is_loopback(host):
+        head = f"{LOOPBACK_ONLY}=0 {head}"
     try:
         socket.create_connection((host, port), CONNECT_S).close()
     except OSError as error:
         raise JobError(
             f"no Ray cluster answers at {address}: {error.strerror or error}. Start its head "
-            f"(ray start --head --node-ip-address={host} --port={port} --include-dashboard=false), or "
-            "correct the address"
+            f"({head}), or correct the address"
         ) from error
-    module = _imported()
+    module = _imported(is_loopback(host))
     from ray import exceptions
 
     try:
@@ -306,33 +362,23 @@ def _init(module: Any, **options: Any) -> None:
     in_main = threading.current_thread() is threading.main_thread()
     handler = signal.getsignal(signal.SIGTERM)
     try:
-        with _loopback_kept():
-            module.init(log_to_driver=False, logging_level="ERROR", **options)
+        module.init(log_to_driver=False, logging_level="ERROR", **options)
     finally:
         if in_main:
             signal.signal(signal.SIGTERM, handler)
 
 
-@contextlib.contextmanager
-def _loopback_kept() -> Iterator[None]:
-    """Keep Ray from connecting to the network address of this machine in place of the loopback.
+def _imported(on_loopback: bool) -> Any:
+    """Import Ray, without its reports of use.
 
-    A cluster on the loopback does not listen there.
+    Args:
+        on_loopback: keep Ray from replacing the loopback by the network address of this machine, where a
+            cluster on the loopback does not listen. Ray reads the variable when it is imported.
     """
-    from ray._private import services
-
-    real = services.resolve_ip_for_localhost
-    services.resolve_ip_for_localhost = lambda host: "127.0.0.1" if host == "localhost" else host
-    try:
-        yield
-    finally:
-        services.resolve_ip_for_localhost = real
-
-
-def _imported() -> Any:
-    """Import Ray, without its reports of use."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    if on_loopback:
+        os.environ[LOOPBACK_ONLY] = "0"
     import ray
 
     if ray.is_initialized():

@@ -1,0 +1,1 @@
+"""Commands of ``joshua`` that this distribution adds."""
