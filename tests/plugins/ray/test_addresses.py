@@ -103,13 +103,13 @@ def test_a_data_set_command_says_why_it_refuses_a_cluster(
 
 
 def test_no_node_of_a_robot_loads_ray() -> None:
-    """Only commands on data sets know executors."""
+    """Only commands on data sets, trainings and evaluations know executors."""
     knowing = {
         path.relative_to(ROOT / "joshua-plugins").parts[0]
         for path in (ROOT / "joshua-plugins").glob("*/src/**/*.py")
         if "joshua_jobs" in path.read_text(encoding="utf-8")
     }
-    assert knowing == {"dataset", "jobs", "ray"}
+    assert knowing == {"dataset", "evaluation", "jobs", "ppo-trainer", "ray", "training"}
     loading = {
         path.relative_to(ROOT / "joshua-plugins").as_posix()
         for path in (ROOT / "joshua-plugins").glob("*/src/**/*.py")

@@ -20,7 +20,7 @@ def record(folder: Path, mode: str = "max") -> Record:
             metric="episode/return",
             mode=mode,
             grace=10,
-            most=100,
+            total=100,
             trials=4,
             seed=0,
             cores=1.0,
@@ -76,6 +76,15 @@ def test_what_still_runs_was_interrupted(tmp_path: Path) -> None:
         "00001": INTERRUPTED,
     }
     assert content["sweep"]["metric"] == "episode/return"
+
+
+def test_a_trial_that_is_stopped_after_its_last_row_is_complete(tmp_path: Path) -> None:
+    found = record(tmp_path)
+    for steps, state in ((99, STOPPED_EARLY), (100, COMPLETE)):
+        outcome = found.of(str(steps), {})
+        found.add(outcome, {"episode/return": 7.0, "steps": steps})
+        found.end(outcome)
+        assert outcome.state == state
 
 
 def test_a_trial_that_tune_gives_up_has_failed(tmp_path: Path) -> None:

@@ -172,3 +172,26 @@ def test_what_is_omitted_suits_the_environment(trainer: str) -> None:
     other = chosen.suitable("joshua/Ant-v0")
     assert (other.n_steps, other.hidden_sizes, other.normalize_rewards) == (5, (7,), False)
     assert (other.entropy_weight, other.gae_lambda) == (0.0, 0.0)
+
+
+@each_trainer
+def test_a_cluster_is_refused_where_the_file_names_it(trainer: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("RAY_USE_TLS", raising=False)
+    (error,) = errors(trainer, 'cluster.address="10.0.0.1:6379"')
+    if trainer == "ppo":
+        assert error.field_path == "ai.training.cluster.address"
+        assert "10.0.0.1:6379 is not on the loopback" in error.message
+        assert "RAY_USE_TLS=1" in error.message
+    else:
+        assert error.message.startswith("A cluster shares the rollouts of PPO with BACKEND_MUJOCO")
+
+
+def test_only_ppo_in_simulation_takes_a_cluster(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("joshua_ray.executor.check", lambda address: None)
+    cluster = 'cluster.address="local"'
+    assert not errors("ppo", cluster)
+    (error,) = errors("ppo", cluster, 'rl_config.algorithm="SAC"')
+    assert error.message.startswith("SAC updates after every step")
+    assert error.remedy == 'Remove it, or write algorithm: "PPO".'
+    robot = errors("ppo", cluster, "environment=ENV_REAL")
+    assert any(error.message.startswith("A cluster shares the rollouts of PPO") for error in robot)

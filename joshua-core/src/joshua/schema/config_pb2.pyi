@@ -890,7 +890,7 @@ class DataStore(_message.Message):
     def __init__(self, format: _Optional[_Union[DataFormat, str]] = ..., storage: _Optional[_Union[StorageBackend, str]] = ..., dataset_name: _Optional[str] = ..., local_path: _Optional[str] = ..., remote_url: _Optional[str] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., operation: _Optional[_Union[DataStoreOperation, str]] = ..., task: _Optional[str] = ..., episodes: _Optional[_Iterable[int]] = ..., fps: _Optional[int] = ..., tolerance_s: _Optional[float] = ..., missing: _Optional[_Union[MissingPolicy, str]] = ..., video_codec: _Optional[_Union[VideoCodec, str]] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., pictures: _Optional[_Union[PictureStorage, str]] = ..., resume: _Optional[bool] = ..., episode_duration_s: _Optional[float] = ..., reset_duration_s: _Optional[float] = ..., warmup_s: _Optional[float] = ..., num_episodes: _Optional[int] = ..., more_tasks: _Optional[_Iterable[str]] = ..., auto_start: _Optional[bool] = ..., speed: _Optional[float] = ..., record_button: _Optional[str] = ..., keep_button: _Optional[str] = ..., discard_button: _Optional[str] = ..., spoken_cues: _Optional[bool] = ..., upload: _Optional[_Union[UploadTime, str]] = ...) -> None: ...
 
 class Training(_message.Message):
-    __slots__ = ("environment", "method", "simulator_backend", "rl_config", "imitation_config", "eval_config", "plugin_config", "environment_id", "wandb", "mlflow")
+    __slots__ = ("environment", "method", "simulator_backend", "rl_config", "imitation_config", "eval_config", "plugin_config", "environment_id", "wandb", "mlflow", "cluster")
     ENVIRONMENT_FIELD_NUMBER: _ClassVar[int]
     METHOD_FIELD_NUMBER: _ClassVar[int]
     SIMULATOR_BACKEND_FIELD_NUMBER: _ClassVar[int]
@@ -901,6 +901,7 @@ class Training(_message.Message):
     ENVIRONMENT_ID_FIELD_NUMBER: _ClassVar[int]
     WANDB_FIELD_NUMBER: _ClassVar[int]
     MLFLOW_FIELD_NUMBER: _ClassVar[int]
+    CLUSTER_FIELD_NUMBER: _ClassVar[int]
     environment: TrainingEnvironment
     method: TrainingMethod
     simulator_backend: SimulatorBackend
@@ -911,7 +912,16 @@ class Training(_message.Message):
     environment_id: str
     wandb: WandbTracking
     mlflow: MlflowTracking
-    def __init__(self, environment: _Optional[_Union[TrainingEnvironment, str]] = ..., method: _Optional[_Union[TrainingMethod, str]] = ..., simulator_backend: _Optional[_Union[SimulatorBackend, str]] = ..., rl_config: _Optional[_Union[RLConfig, _Mapping]] = ..., imitation_config: _Optional[_Union[ImitationConfig, _Mapping]] = ..., eval_config: _Optional[_Union[EvalConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., environment_id: _Optional[str] = ..., wandb: _Optional[_Union[WandbTracking, _Mapping]] = ..., mlflow: _Optional[_Union[MlflowTracking, _Mapping]] = ...) -> None: ...
+    cluster: ClusterConfig
+    def __init__(self, environment: _Optional[_Union[TrainingEnvironment, str]] = ..., method: _Optional[_Union[TrainingMethod, str]] = ..., simulator_backend: _Optional[_Union[SimulatorBackend, str]] = ..., rl_config: _Optional[_Union[RLConfig, _Mapping]] = ..., imitation_config: _Optional[_Union[ImitationConfig, _Mapping]] = ..., eval_config: _Optional[_Union[EvalConfig, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., environment_id: _Optional[str] = ..., wandb: _Optional[_Union[WandbTracking, _Mapping]] = ..., mlflow: _Optional[_Union[MlflowTracking, _Mapping]] = ..., cluster: _Optional[_Union[ClusterConfig, _Mapping]] = ...) -> None: ...
+
+class ClusterConfig(_message.Message):
+    __slots__ = ("address", "workers")
+    ADDRESS_FIELD_NUMBER: _ClassVar[int]
+    WORKERS_FIELD_NUMBER: _ClassVar[int]
+    address: str
+    workers: int
+    def __init__(self, address: _Optional[str] = ..., workers: _Optional[int] = ...) -> None: ...
 
 class WandbTracking(_message.Message):
     __slots__ = ("project", "entity", "server", "offline")

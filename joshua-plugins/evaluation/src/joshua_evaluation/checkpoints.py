@@ -36,6 +36,9 @@ class CheckpointError(Exception):
         super().__init__(f"{message}: {remedy[0].lower()}{remedy[1:]}")
         self.message, self.remedy = message, remedy
 
+    def __reduce__(self) -> tuple[type[CheckpointError], tuple[str, str]]:
+        return type(self), (self.message, self.remedy)
+
 
 @dataclass(frozen=True)
 class Checkpoint:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from joshua.api import NodeContext
+from joshua_jobs import executor as jobs
+from joshua_jobs.choice import opened
 from joshua_training.run_folder import RunError
 from joshua_training.trainer import RunNode
 
 from joshua_evaluation import report
+from joshua_evaluation.bouts import Bout, played
 from joshua_evaluation.checkpoints import CheckpointError
 from joshua_evaluation.episodes import VIDEO_SIZE, Arena, Player, Stopped, play
-from joshua_evaluation.metrics import BUILT_IN, Metric, load_metric
+from joshua_evaluation.metrics import BUILT_IN, Episode, Metric, load_metric
 from joshua_evaluation.results import Intervals, Judged, as_csv, as_json
 from joshua_evaluation.robot import DIAGNOSTIC, Marks
 from joshua_evaluation.settings import DEFAULT_SEED, ON_ROBOT, Candidate, EvaluationSettings
@@ -37,6 +39,7 @@ class Evaluation(RunNode):
         self._about: dict[str, Any] = {}
         self._seed = DEFAULT_SEED
         self._marks = Marks(())
+        self._executor: jobs.Executor | None = None
 
     def configure(self) -> None:
         """Load the metrics and create the run's folder."""
@@ -113,7 +116,7 @@ class Evaluation(RunNode):
     def work(self) -> None:
         """Play the episodes, and write figures and report."""
         is_on_robot = self._settings.is_on_robot
-        judged = self._marked() if is_on_robot else self._judged()
+        judged = self._marked() if is_on_robot else self._judged_somewhere()
         if not judged or not judged[0].episodes:
             return
         wanted = self._settings.num_episodes * len(self._settings.candidates)
@@ -125,24 +128,47 @@ class Evaluation(RunNode):
         if complete:
             self.context.end_run(self._summary(judged))
 
+    def _judged_somewhere(self) -> list[Judged]:
+        """Play all episodes here, or on the cluster of the file. Raises RunError."""
+        settings = self._settings
+        if not settings.cluster:
+            return self._judged()
+        try:
+            with opened(("ray", settings.cluster), settings.cluster_workers) as self._executor:
+                workers = self._executor.workers
+                self.context.log.info("%d workers of the cluster %s play", workers, settings.cluster)
+                judged = self._judged()
+                self._about["workers_lost"] = self._executor.lost
+        except jobs.JobError as error:
+            raise RunError(str(error)) from error
+        finally:
+            self._executor = None
+        if self._about["workers_lost"]:
+            self.context.warn(
+                f"workers lost: {self._about['workers_lost']}; their episodes were played again"
+            )
+        return judged
+
     def _judged(self) -> list[Judged]:
         """Play all episodes with each checkpoint; fewer if the run is stopped."""
         settings, done = self._settings, 0
         total = settings.num_episodes * len(settings.candidates)
         found: list[Judged] = []
         for candidate in settings.candidates:
-            player = self._player(candidate)
-            arena = self._arena(player.options)
+            bout = self._bout(candidate)
+            player = bout.player()
+            arena = bout.arena(player.options)
             try:
                 player.load(arena)
                 judged = Judged(candidate.given, self._measurable(arena))
                 found.append(judged)
                 self.context.log.info("evaluating %s", candidate.path)
-                for index in range(settings.num_episodes):
-                    judged.add(play(arena, player, self._seed + index, lambda: self.context.stopping))
+                for episode in self._played(bout, arena, player):
+                    judged.add(episode)
                     done += 1
                     self.context.progress("evaluation", float(done), float(total), unit="episodes")
-                    self.context.show(f"success {judged.success_rate:.2f}")
+                    lost = f", {self._executor.lost} workers lost" if self._executor is not None else ""
+                    self.context.show(f"success {judged.success_rate:.2f}{lost}")
             except Stopped:
                 break
             finally:
@@ -161,25 +187,33 @@ class Evaluation(RunNode):
             )
         return tuple(metric for metric in self._metrics if metric not in lacking)
 
-    def _player(self, candidate: Candidate) -> Player:
-        settings = self._settings
-        from joshua_evaluation.players import ModelPlayer, PolicyPlayer
+    def _played(self, bout: Bout, arena: Arena, player: Player) -> Iterator[Episode]:
+        """Play the episodes in order: here, or in the workers of a cluster."""
+        seeds = range(self._seed, self._seed + self._settings.num_episodes)
+        if self._executor is None:
+            for seed in seeds:
+                yield play(arena, player, seed, lambda: self.context.stopping)
+            return
+        items = ((bout, seed) for seed in seeds)
+        try:
+            yield from self._executor.in_order(played, items, lambda: self.context.stopping)
+        except jobs.Stopped as error:
+            raise Stopped from error
 
-        if candidate.model is None:
-            return PolicyPlayer(Path(candidate.path))
-        return ModelPlayer(
-            candidate.model,
+    def _bout(self, candidate: Candidate) -> Bout:
+        settings, chosen = self._settings, self.facts.environment
+        assert chosen is not None
+        return Bout(
+            candidate,
+            chosen.make,
+            chosen.environment_id,
+            chosen.reward_function,
+            randomise=settings.randomise,
             task=settings.task,
             strategy=settings.strategy,
             steps_per_chunk=settings.steps_per_chunk,
             delay=settings.inference_delay,
         )
-
-    def _arena(self, options: dict[str, Any]) -> Arena:
-        chosen = self.facts.environment
-        assert chosen is not None
-        varied = {"randomise": True} if self._settings.randomise else {}
-        return Arena(chosen.make, chosen.environment_id, chosen.reward_function, **options, **varied)
 
     def _clips(self, judged: Sequence[Judged]) -> tuple[list[report.Clip], str]:
         """Return videos of the best and worst episodes, played again; and why there are none, else ""."""
@@ -199,15 +233,16 @@ class Evaluation(RunNode):
     def _filmed(self, candidate: Candidate, judged: Judged) -> list[report.Clip]:
         from joshua_evaluation.videos import as_mp4
 
-        player = self._player(candidate)
-        plain = self._arena(player.options)
+        bout = self._bout(candidate)
+        player = bout.player()
+        plain = bout.arena(player.options)
         camera = self._settings.camera or plain.camera
         plain.close()
         shown = player.options.get("cameras", ())
         size = {"width": VIDEO_SIZE[0], "height": VIDEO_SIZE[1]}
         options = {**size, **player.options, "observation_mode": "both"}
         options["cameras"] = tuple(dict.fromkeys((*shown, camera)))
-        arena = self._arena(options)
+        arena = bout.arena(options)
         order = judged.order
         count = min(self._settings.videos, len(order))
         best = order[:count]

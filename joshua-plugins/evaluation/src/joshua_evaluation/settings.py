@@ -62,6 +62,7 @@ class EvaluationSettings(RunSettings):
     BLOCK = "eval_config"
     REQUIRED = ("num_episodes",)
     TRACKED = False
+    SPREADS = True
 
     candidates: tuple[Candidate, ...] = ()
     num_episodes: int = 1

@@ -17,6 +17,7 @@ class MjxSettings(TrainerSettings):
     BACKEND = "BACKEND_MJX"
     TRAINS_BY = ("PPO",)
     WITHOUT_EFFECT: ClassVar[Mapping[str, str]] = {"physics_threads": "JAX distributes the physics itself"}
+    SPREADS = False
 
     @property
     def ready_timeout_s(self) -> float:

@@ -19,6 +19,7 @@ from joshua_ppo_trainer import checkpoint
 from joshua_ppo_trainer.files import DivergedError as DivergedError
 from joshua_ppo_trainer.normalise import Normaliser
 from joshua_ppo_trainer.settings import TrainerSettings
+from joshua_ppo_trainer.spread import SpreadEnvironment, SpreadVecEnv
 from joshua_ppo_trainer.vec_env import BatchedVecEnv
 
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
@@ -57,6 +58,14 @@ class _RememberingBuffer(ReplayBuffer):  # type: ignore[misc,unused-ignore]
 
 #: Arrays of a replay buffer for each step.
 _REPLAYED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+
+
+def network_of(settings: TrainerSettings) -> dict[str, Any]:
+    """Return the keywords of a policy that describe its network."""
+    return {
+        "net_arch": list(settings.hidden_sizes),
+        "activation_fn": _ACTIVATIONS[settings.activation],
+    }
 
 
 class _Watch(BaseCallback):  # type: ignore[misc,unused-ignore]
@@ -100,8 +109,9 @@ class Learner:
             rewards=bool(settings.normalize_rewards),
         )
         self._require_memory()
-        self.vec_env = BatchedVecEnv(environment, self.normaliser)
-        self._asked = asked
+        kind = SpreadVecEnv if isinstance(environment, SpreadEnvironment) else BatchedVecEnv
+        self.vec_env = kind(environment, self.normaliser)
+        self._asked, self._told = asked, told
         self._watch = _Watch(asked, told)
         self._model: Any = self._ppo(seed) if settings.algorithm == "PPO" else self._sac(seed)
         self._model.set_logger(Logger(folder=None, output_formats=[]))
@@ -194,6 +204,11 @@ class Learner:
         prefix = "environment."
         try:
             own = {name[len(prefix) :]: v for name, v in training.items() if name.startswith(prefix)}
+            if not own and not isinstance(self._environment, SpreadEnvironment):
+                raise RunError(
+                    "the checkpoint has no environments, because they were in the workers of a cluster: "
+                    "continue with a cluster"
+                )
             self._environment.restore(own)
         except ValueError as error:
             raise RunError(f"{error}: continue with the num_envs and the environment of the run") from error
@@ -215,9 +230,7 @@ class Learner:
         model, settings = self._model, self._settings
         model._callback = self._callback
         if settings.algorithm == "PPO":
-            if not model.collect_rollouts(
-                model.env, self._callback, model.rollout_buffer, n_rollout_steps=model.n_steps
-            ):
+            if not self._collect():
                 return False
             model._update_current_progress_remaining(model.num_timesteps, settings.total_timesteps)
             model.train()
@@ -238,6 +251,19 @@ class Learner:
             if model.num_timesteps > model.learning_starts:
                 model.train(batch_size=model.batch_size, gradient_steps=model.gradient_steps)
         return True
+
+    def _collect(self) -> bool:
+        """Collect a rollout of PPO, here or in the workers; return False if learning was stopped."""
+        model = self._model
+        if isinstance(self.vec_env, SpreadVecEnv):
+            done = self.vec_env.rollout(model, self._iterations, self._asked)
+            self._told(self.steps)
+            return done
+        return bool(
+            model.collect_rollouts(
+                model.env, self._callback, model.rollout_buffer, n_rollout_steps=model.n_steps
+            )
+        )
 
     def _take(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         model, vec_env = self._model, self.vec_env
@@ -318,13 +344,6 @@ class Learner:
             purpose = "a rollout"
         require(4 * numbers, purpose, settings.halves())
 
-    def _network(self) -> dict[str, Any]:
-        settings = self._settings
-        return {
-            "net_arch": list(settings.hidden_sizes),
-            "activation_fn": _ACTIVATIONS[settings.activation],
-        }
-
     def _ppo(self, seed: int) -> Any:
         settings = self._settings
         buffer = type("Buffer", (_StoppableBuffer,), {"asked": staticmethod(self._asked)})
@@ -343,7 +362,7 @@ class Learner:
             max_grad_norm=settings.max_grad_norm,
             target_kl=settings.target_kl,
             rollout_buffer_class=buffer,
-            policy_kwargs={**self._network(), "log_std_init": settings.initial_log_std},
+            policy_kwargs={**network_of(settings), "log_std_init": settings.initial_log_std},
             seed=seed,
             device="cpu",
         )
@@ -362,7 +381,7 @@ class Learner:
             gamma=settings.gamma,
             train_freq=(1, "step"),
             gradient_steps=settings.updates_per_step,
-            policy_kwargs=self._network(),
+            policy_kwargs=network_of(settings),
             seed=seed,
             device="cpu",
         )

@@ -11,6 +11,8 @@ from typing import Any, ClassVar
 
 from joshua.api import FieldError, NodeContext
 from joshua.tools import load_target
+from joshua_jobs.choice import opened
+from joshua_jobs.executor import JobError
 from joshua_training.run_folder import LibraryMissing, RunError
 from joshua_training.trainer import LearningNode
 
@@ -27,7 +29,10 @@ _HIDDEN = {"environment", "environment_id", "output_folder", "resume_run", "trac
 class RlTrainer(LearningNode):
     """Trains a policy in simulated environments, and ends the run when all steps are done."""
 
-    SHOWN = (("episode/success_rate", "success {:.2f}"), ("episode/return", "return {:.1f}"))
+    SHOWN: ClassVar[tuple[tuple[str, str], ...]] = (
+        ("episode/success_rate", "success {:.2f}"),
+        ("episode/return", "return {:.1f}"),
+    )
     FREE = ("total_timesteps", "checkpoint_steps", "physics_threads", "learning_rate")
 
     #: Settings of the trainer.
@@ -130,7 +135,9 @@ class RlTrainer(LearningNode):
 
 
 class PpoTrainer(RlTrainer):
-    """Trains a policy by PPO or SAC on the CPU."""
+    """Trains a policy by PPO or SAC on the CPU. The workers of a cluster can collect the rollouts of PPO."""
+
+    SHOWN = (*RlTrainer.SHOWN, ("workers_lost", "{:.0f} workers lost"))
 
     def make(self, chosen: Any, seed: int) -> tuple[Any, Any]:
         """Make the environments and the learner. Raises RunError."""
@@ -152,7 +159,7 @@ class PpoTrainer(RlTrainer):
         environment = load_target(chosen.make)(
             chosen.environment_id,
             reward_function=chosen.reward_function,
-            num_envs=chosen.num_envs,
+            num_envs=1 if settings.cluster else chosen.num_envs,
             seed=seed,
             **options,
             **({"randomise": True} if settings.randomise else {}),
@@ -163,8 +170,46 @@ class PpoTrainer(RlTrainer):
                 "environments that step together: install MuJoCo 4 (Python 3.11)"
             )
         environment.reset(seed=seed)
+        if settings.cluster:
+            environment = self._spread(environment, chosen, seed)
+        self._environment = environment
         learner = Learner(settings, environment, seed, lambda: self.context.stopping, self.tell_steps)
         return environment, learner
+
+    def _spread(self, local: Any, chosen: Any, seed: int) -> Any:
+        """Make the environments in the workers of the cluster. Raises RunError."""
+        from joshua_ppo_trainer.learner import network_of
+        from joshua_ppo_trainer.spread import SpreadEnvironment, shares
+
+        settings = self.settings
+        try:
+            executor = opened(("ray", settings.cluster), settings.cluster_workers)
+        except JobError as error:
+            raise RunError(str(error)) from error
+        parts = shares(
+            chosen.num_envs,
+            max(1, executor.workers),
+            seed,
+            make=chosen.make,
+            environment_id=chosen.environment_id,
+            reward_function=chosen.reward_function,
+            randomise=settings.randomise,
+            network={**network_of(settings), "log_std_init": settings.initial_log_std},
+            gamma=settings.gamma,
+            observations=bool(settings.normalize_observations),
+        )
+        self.context.log.info("%d workers of the cluster %s collect", len(parts), settings.cluster)
+        return SpreadEnvironment(local, executor, parts)
+
+    def advance(self) -> Mapping[str, float] | None:
+        """Collect and update once; workers that were lost are counted."""
+        try:
+            row = super().advance()
+        except JobError as error:
+            raise RunError(f"{error}, with resume_run") from error
+        if row is not None and self.settings.cluster:
+            return {**row, "workers_lost": float(self._environment.lost)}
+        return row
 
     def release(self) -> None:
         """Close the environments."""

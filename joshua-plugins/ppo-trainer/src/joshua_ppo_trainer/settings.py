@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
+from joshua.api import FieldError
 from joshua_training.rl_settings import RlSettings, Suitable
+from pydantic import model_validator
+from typing_extensions import Self
 
 
 class TrainerSettings(RlSettings):
     """Settings of a training by PPO or SAC on the CPU."""
 
     BACKEND = "BACKEND_MUJOCO"
+    SPREADS = True
     TRAINS_BY: ClassVar[tuple[str, ...]] = ("PPO", "SAC")
 
     # environments of the arm scale their observations themselves, and reaching its rewards, too
@@ -22,3 +26,13 @@ class TrainerSettings(RlSettings):
         ),
         "joshua/Ant-v0": Suitable(n_steps=64, n_epochs=10, initial_log_std=-1.0),
     }
+
+    @model_validator(mode="after")
+    def _leaves_a_cluster_work(self) -> Self:
+        if self.cluster and self.algorithm != "PPO":
+            raise FieldError(
+                "cluster",
+                f"{self.algorithm} updates after every step, which leaves nothing for a cluster to do",
+                remedy='remove it, or write algorithm: "PPO"',
+            )
+        return self

@@ -21,8 +21,8 @@ class Sweep:
 
     Attributes:
         file: absolute; block: path of the trainer's block in it; fixed: overrides of every trial.
-        folder: of the trials; metric, mode: of their metrics; grace, most: steps of a trial before it can be
-            stopped, and most likely at its end; trials: samples; seed: of the samples; cores: of a trial.
+        folder: of the trials; metric, mode: of their metrics; grace, total: steps of a trial before it can be
+            stopped, and at its end, 0 if unknown; trials: samples; seed: of the samples; cores: of a trial.
     """
 
     file: str
@@ -32,7 +32,7 @@ class Sweep:
     metric: str
     mode: str
     grace: int
-    most: int
+    total: int
     trials: int
     seed: int
     cores: float
@@ -84,6 +84,8 @@ class Record:
         """Note that a trial ended; the scheduler stopped one that did not end by itself."""
         if error:
             outcome.state, outcome.error = FAILED, error
+        elif outcome.state == RUNNING and 0 < self.sweep.total <= outcome.steps:
+            outcome.state = COMPLETE  # stopped after its last row
         elif outcome.state == RUNNING:
             outcome.state = STOPPED_EARLY
 

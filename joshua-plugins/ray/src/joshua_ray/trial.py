@@ -92,6 +92,9 @@ class Trial(Trainable):  # type: ignore[misc,unused-ignore]
                 wait_for(lock, STOP_S)
 
     def _last_row(self, code: int) -> dict[str, Any]:
+        """Return the end of the run. Raises RuntimeError if it was killed with its node; Tune tries again."""
+        if code < 0:
+            raise RuntimeError(f"the process of the run was killed by signal {-code}")
         why = ""
         if code:
             why = f"it ended with exit code {code}"

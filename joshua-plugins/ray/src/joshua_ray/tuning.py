@@ -103,7 +103,7 @@ def run(
             num_samples=sweep.trials,
             scheduler=ASHAScheduler(
                 time_attr="steps",
-                max_t=10 * sweep.most,  # a run ends by itself, with its last checkpoint
+                max_t=10 * max(sweep.total, FACTOR**3 * sweep.grace),  # a run ends by itself
                 grace_period=sweep.grace,
                 reduction_factor=FACTOR,
             ),

@@ -178,10 +178,11 @@ def refuse_other(before: Mapping[str, Any], wanted: Mapping[str, Any], free: Col
     Raises:
         RunError: a setting differs, or an older version did not write it; names the first.
     """
+    unimportant = ("settings", "tracking", "cluster", "cluster_workers", *free)
     old = {**before, **before.get("settings", {})}
     new = {**wanted, **wanted.get("settings", {})}
     for key, value in new.items():
-        if key not in ("settings", "tracking", *free) and _plain(old.get(key)) != _plain(value):
+        if key not in unimportant and _plain(old.get(key)) != _plain(value):
             if key not in old:
                 place = '"settings" in run.json' if key in wanted.get("settings", {}) else "run.json"
                 raise RunError(

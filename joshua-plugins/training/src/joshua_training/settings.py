@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 from joshua.api import BlockContext, BlockSettings, FieldError
+from joshua_jobs.choice import check_address
+from joshua_jobs.executor import JobError
 from pydantic import Field, model_validator
 from typing_extensions import Self
 
@@ -21,6 +23,8 @@ class RunSettings(BlockSettings):
         output_folder: absolute, for the folders of runs; resume_run: folder of the run to continue, or "".
         tracking: services that record the run, too; launching: the run starts, so what it requires must be
             installed. It is not part of the plan.
+        cluster: address of a Ray cluster that shares the work, "" for none; cluster_workers: jobs at once,
+            None for one per core.
     """
 
     #: Field of ``training`` that holds the block.
@@ -32,11 +36,16 @@ class RunSettings(BlockSettings):
     #: Whether services can record the run.
     TRACKED: ClassVar[bool] = True
 
+    #: Whether a cluster can share the work.
+    SPREADS: ClassVar[bool] = False
+
     environment: str = ""
     environment_id: str = ""
     output_folder: str = ""
     resume_run: str = ""
     tracking: TrackingSettings = TrackingSettings()
+    cluster: str = ""
+    cluster_workers: int | None = None
     launching: Annotated[bool, Field(exclude=True)] = False
 
     @classmethod
@@ -54,6 +63,11 @@ class RunSettings(BlockSettings):
         if block.get("resume_run"):
             known["resume_run"] = str(folder / Path(block["resume_run"]).expanduser())
         known |= {"tracking": TrackingSettings.of(values, folder), "launching": context.launch}
+        if values["cluster"]:
+            known |= {
+                "cluster": values["cluster"]["address"],
+                "cluster_workers": values["cluster"]["workers"],
+            }
         return known | {name: values[name] or "" for name in ("environment", "environment_id")}
 
     @model_validator(mode="after")
@@ -67,4 +81,21 @@ class RunSettings(BlockSettings):
             )
         if self.launching:
             self.tracking.require()
+        return self
+
+    @model_validator(mode="after")
+    def _has_a_usable_cluster(self) -> Self:
+        if not self.cluster:
+            return self
+        if not self.SPREADS or self.environment == "ENV_REAL":
+            raise FieldError(
+                "cluster",
+                "A cluster shares the rollouts of PPO with BACKEND_MUJOCO, and the episodes of an evaluation "
+                "in simulation; it has no effect here",
+                remedy="remove it",
+            )
+        try:
+            check_address("ray", self.cluster)
+        except JobError as error:
+            raise FieldError("cluster.address", str(error)) from error
         return self

@@ -185,7 +185,7 @@ def _sweep(arguments: argparse.Namespace, fixed: list[str], varied: list[Space])
         metric=arguments.metric or metric,
         mode=arguments.mode or (_usual_mode(arguments.metric) if arguments.metric else mode),
         grace=grace,
-        most=max(int(most or 0), 27 * grace),
+        total=int(most or 0),
         trials=arguments.trials,
         seed=arguments.seed,
         cores=arguments.cores,

@@ -1,0 +1,247 @@
+"""Rollouts on many workers. Each has some of the environments and a copy of the policy.
+
+Workers collect whole rollouts: one message and one answer of each worker per iteration, whatever the steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from joshua.tools import load_target
+from joshua_jobs.executor import Executor, Stopped
+from stable_baselines3.common.policies import ActorCriticPolicy
+
+from joshua_ppo_trainer import checkpoint
+from joshua_ppo_trainer.normalise import Normaliser
+from joshua_ppo_trainer.vec_env import BatchedVecEnv
+
+
+@dataclass(frozen=True)
+class Share:
+    """The part of one worker.
+
+    Attributes:
+        make, environment_id, reward_function: of the plan; randomise: of the settings.
+        count: environments; seed: of the first one.
+        network: keywords of the policy; gamma: of the learner; observations: whether they are normalised.
+    """
+
+    make: str
+    environment_id: str
+    reward_function: str
+    randomise: bool
+    count: int
+    seed: int
+    network: dict[str, Any]
+    gamma: float
+    observations: bool
+
+
+@dataclass(frozen=True)
+class Part:
+    """What a worker collected: arrays of shape (steps, environments, …).
+
+    Attributes:
+        observations: before each step, not normalised; after: those after the last step.
+        bootstraps: discounted values of the observations at which episodes were cut off, else 0.
+        starts, over: whether an episode began before, and ended with the step.
+        last_values: of the observations after the last step; episodes: (return, length, success).
+    """
+
+    observations: Any
+    after: Any
+    actions: Any
+    rewards: Any
+    bootstraps: Any
+    values: Any
+    log_probs: Any
+    starts: Any
+    over: Any
+    last_values: Any
+    episodes: list[tuple[float, int, bool]]
+
+
+class Collector:
+    """Environments and policy of a worker."""
+
+    def __init__(self, share: Share) -> None:
+        torch.set_num_threads(1)
+        self._share = share
+        made = self._environment = load_target(share.make)(
+            share.environment_id,
+            reward_function=share.reward_function,
+            num_envs=share.count,
+            seed=share.seed,
+            threads=1,
+            autoreset_mode="SameStep",
+            **({"randomise": True} if share.randomise else {}),
+        )
+        self._observations, _ = made.reset(seed=share.seed)
+        space = made.single_observation_space
+        self._policy = ActorCriticPolicy(space, made.single_action_space, lambda _: 0.0, **share.network)
+        self._policy.set_training_mode(False)
+        self._normaliser = Normaliser(
+            space.shape[0], share.count, share.gamma, observations=share.observations, rewards=False
+        )
+        self._starts = np.ones(share.count, bool)
+        self._returns, self._lengths = np.zeros(share.count), np.zeros(share.count, np.int64)
+
+    def collect(self, sent: tuple[dict[str, Any], dict[str, Any]], steps: int, seed: int) -> Part:
+        """Collect a rollout.
+
+        Args:
+            sent: weights of the policy, and moments of the observations; seed: of the actions.
+        """
+        weights, moments = sent
+        checkpoint.load_weights(self._policy, weights)
+        self._normaliser.load(moments)
+        torch.manual_seed(seed)
+        space = self._environment.single_action_space
+        rows: dict[str, list[Any]] = {
+            name: []
+            for name in (
+                *("observations", "actions", "rewards", "bootstraps"),
+                *("values", "log_probs", "starts", "over"),
+            )
+        }
+        episodes: list[tuple[float, int, bool]] = []
+        for _ in range(steps):
+            actions, values, log_probs = self._act(self._observations)
+            step = self._environment.advance(np.clip(actions, space.low, space.high))
+            over = step.terminated | step.truncated
+            bootstraps = np.zeros(self._share.count, np.float32)
+            self._returns += step.rewards
+            self._lengths += 1
+            for index, final in (step.final or {}).items():
+                if step.truncated[index]:
+                    bootstraps[index] = self._share.gamma * self._value(final[None])[0]
+                episodes.append(
+                    (float(self._returns[index]), int(self._lengths[index]), bool(step.success[index]))
+                )
+            self._returns[over] = 0.0
+            self._lengths[over] = 0
+            found = (
+                *(self._observations, actions, step.rewards, bootstraps),
+                *(values, log_probs, self._starts, over),
+            )
+            for name, value in zip(rows, found, strict=True):
+                rows[name].append(np.array(value))
+            self._observations, self._starts = np.array(step.observations), over
+        arrays = {name: np.stack(values) for name, values in rows.items()}
+        last = self._value(self._observations)
+        return Part(after=self._observations, last_values=last, episodes=episodes, **arrays)
+
+    def _act(self, observations: Any) -> tuple[Any, Any, Any]:
+        with torch.no_grad():
+            found = self._policy(torch.as_tensor(self._normaliser.shown(observations)))
+        actions, values, log_probs = (item.numpy() for item in found)
+        return actions, values.reshape(-1), log_probs
+
+    def _value(self, observations: Any) -> Any:
+        with torch.no_grad():
+            seen = torch.as_tensor(self._normaliser.shown(observations))
+            return self._policy.predict_values(seen).numpy().reshape(-1)
+
+
+class SpreadEnvironment:
+    """The environments of all workers together, as the learner sees them.
+
+    Args:
+        local: one environment of the same kind, for spaces and features.
+        executor: provides the workers; shares: one for each.
+    """
+
+    def __init__(self, local: Any, executor: Executor, shares: list[Share]) -> None:
+        self._local, self._executor = local, executor
+        self.num_envs = sum(share.count for share in shares)
+        self._sizes, self._seed = [share.count for share in shares], shares[0].seed
+        self._crew = executor.crew(Collector, [(share,) for share in shares])
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._local, name)
+
+    @property
+    def lost(self) -> int:
+        """Rollouts that were collected again, because their workers were lost."""
+        return self._executor.lost
+
+    def collect(self, sent: Any, steps: int, iteration: int, stopping: Callable[[], bool]) -> list[Part]:
+        """Collect a rollout in every worker; the random numbers depend on the iteration and on the worker."""
+        shared = self._crew.share(sent)
+        arguments = [
+            (shared, steps, int(np.random.SeedSequence([self._seed, iteration, index]).generate_state(1)[0]))
+            for index in range(len(self._sizes))
+        ]
+        found: list[Part] = self._crew.each("collect", arguments, stopping)
+        return found
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return nothing: a continued run starts its episodes anew."""
+        return {}
+
+    def restore(self, arrays: dict[str, Any]) -> None:
+        """Restore nothing; see ``snapshot``."""
+
+    def close(self) -> None:
+        """End the workers. Idempotent."""
+        self._crew.close()
+        self._executor.close()
+        self._local.close()
+
+
+class SpreadVecEnv(BatchedVecEnv):
+    """Spaces for stable-baselines3, whose own collection is replaced by ``rollout``."""
+
+    def reset(self) -> Any:
+        """Return zeros: the workers start their episodes themselves."""
+        return np.zeros((self.num_envs, *self.observation_space.shape), np.float32)
+
+    def rollout(self, model: Any, iteration: int, stopping: Callable[[], bool]) -> bool:
+        """Fill the rollout buffer of PPO from the workers; return False if learning was stopped."""
+        normaliser, buffer = self.normaliser, model.rollout_buffer
+        sent = (checkpoint.weights_of(model.policy), normaliser.arrays())
+        try:
+            parts = self.environment.collect(sent, model.n_steps, iteration, stopping)
+        except Stopped:
+            return False
+        whole = {name: np.concatenate([vars(part)[name] for part in parts], axis=1) for name in _BY_STEP}
+        shown = normaliser.shown(whole["observations"])
+        buffer.reset()
+        for at in range(model.n_steps):
+            rewards = normaliser.reward(whole["rewards"][at], whole["over"][at]) + whole["bootstraps"][at]
+            buffer.add(
+                shown[at],
+                whole["actions"][at],
+                rewards,
+                whole["starts"][at],
+                torch.as_tensor(whole["values"][at]),
+                torch.as_tensor(whole["log_probs"][at]),
+            )
+        after = np.concatenate([part.after for part in parts])
+        last_values = np.concatenate([part.last_values for part in parts])
+        buffer.compute_returns_and_advantage(torch.as_tensor(last_values), whole["over"][-1])
+        model._last_obs, model._last_episode_starts = normaliser.shown(after), whole["over"][-1]
+        if normaliser.observations:
+            rows = np.concatenate([whole["observations"][1:].reshape(-1, after.shape[-1]), after])
+            normaliser.observed.update(rows)
+        for part in parts:
+            self.episodes.extend(part.episodes)
+            self.done += len(part.episodes)
+        model.num_timesteps += model.n_steps * self.num_envs
+        return True
+
+
+_BY_STEP = ("observations", "actions", "rewards", "bootstraps", "values", "log_probs", "starts", "over")
+
+
+def shares(count: int, workers: int, seed: int, **common: Any) -> list[Share]:
+    """Divide environments among workers as evenly as possible; environment k has the seed plus k."""
+    sizes = [len(part) for part in np.array_split(np.arange(count), min(workers, count))]
+    firsts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    return [
+        Share(count=size, seed=seed + int(first), **common) for size, first in zip(sizes, firsts, strict=True)
+    ]

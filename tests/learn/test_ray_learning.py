@@ -1,0 +1,144 @@
+"""Evaluations and rollouts on a real Ray cluster of two nodes, one of which is killed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import pytest
+from evaluation_files import write_evaluation
+from joshua.planner.pipeline import examine
+from joshua.planner.request import Request
+from joshua.testing.recording_context import RecordingContext
+from joshua_evaluation.node import Evaluation
+from joshua_ppo_trainer.node import PpoTrainer
+from joshua_training.run_folder import RunError
+from ray_nodes import Cluster as Nodes
+from ray_nodes import add_worker, started
+from safetensors.numpy import load_file
+from trained_policies import write_policy
+from trainings import REACH, write_training
+
+
+@pytest.fixture(scope="module")
+def found_nodes() -> Iterator[Nodes]:
+    found = started(1)
+    yield found
+    found.shutdown()
+
+
+@pytest.fixture
+def nodes(found_nodes: Nodes) -> Nodes:
+    if not found_nodes.worker_nodes:
+        add_worker(found_nodes)
+    return found_nodes
+
+
+def cluster(nodes: Nodes) -> str:
+    return f'cluster {{ address: "{nodes.address}" workers: 2 }}'
+
+
+def killing(nodes: Nodes) -> Callable[[], None]:
+    (worker,) = nodes.worker_nodes
+    return lambda: nodes.remove_node(worker, allow_graceful=False)
+
+
+def context_of(path: Path) -> RecordingContext:
+    result = examine(Request(str(path)))
+    assert result.plan is not None, result.errors
+    return RecordingContext(result.plan.nodes[0])
+
+
+def ended(context: RecordingContext, node: Any, meanwhile: Callable[[], None] | None = None) -> None:
+    node.configure()
+    if meanwhile is not None:
+        meanwhile()
+    node.activate()
+    assert node._ended.wait(200)
+    context.stop()
+    node.cleanup()
+
+
+def evaluated(
+    folder: Path, block: str = "", meanwhile: Callable[[], None] | None = None
+) -> tuple[dict[str, Any], RecordingContext]:
+    """Evaluates in this process, and returns the results."""
+    folder.mkdir()
+    policy = write_policy(folder / "policy")
+    path = write_evaluation(
+        folder, policy, "videos: 0", episodes=30, environment=f'environment_id: "{REACH}" {block}'
+    )
+    context = context_of(path)
+    ended(context, Evaluation(context), meanwhile)
+    (made,) = (folder / "runs").glob("eval-*")
+    content = json.loads((made / "results.json").read_text())
+    kept = ("success_rate", "avg_return", "smoothness")
+    figures = {key: content["metrics"][key] for key in kept} | {"seeds": content["seeds"]}
+    return figures | {"workers_lost": content.get("workers_lost")}, context
+
+
+def trained(
+    folder: Path, block: str = "", meanwhile: Callable[[], None] | None = None, **fields: Any
+) -> list[dict[str, Any]]:
+    """Trains in this process, and returns the rows of metrics."""
+    folder.mkdir()
+    context = context_of(write_training(folder, block, **fields))
+    ended(context, PpoTrainer(context), meanwhile)
+    (file,) = folder.glob("runs/*/metrics.jsonl")
+    rows = [json.loads(line) for line in file.read_text().splitlines()]
+    return [{name: value for name, value in row.items() if not name.startswith("rate/")} for row in rows]
+
+
+def test_an_evaluation_plays_the_same_episodes_on_a_cluster_that_loses_a_node(
+    nodes: Nodes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here, _ = evaluated(tmp_path / "here")
+    threads: list[Thread] = []
+    kill, show = killing(nodes), RecordingContext.show
+
+    def killing_show(self: RecordingContext, text: str) -> None:
+        show(self, text)
+        if not threads:  # both cores have jobs
+            threads.append(Thread(target=kill))
+            threads[0].start()
+
+    monkeypatch.setattr(RecordingContext, "show", killing_show)
+    there, context = evaluated(tmp_path / "there", f'cluster {{ address: "{nodes.address}" }}')
+    threads[0].join()
+    lost = there["workers_lost"]
+    assert lost >= 1
+    assert there == here | {"workers_lost": lost}
+    assert context.shown == f"success {here['success_rate']['value']:.2f}, {lost} workers lost"
+    assert context.warnings == [f"workers lost: {lost}; their episodes were played again"]
+
+
+def test_ppo_gives_the_same_numbers_again_and_survives_a_killed_node(nodes: Nodes, tmp_path: Path) -> None:
+    first = trained(tmp_path / "first", cluster(nodes))
+    second = trained(tmp_path / "second", cluster(nodes))
+    assert first == second
+    assert [row["steps"] for row in first] == list(range(48, 481, 48))
+    assert first[-1]["workers_lost"] == 0
+    assert first[-1]["episodes"] > 0
+    (run,) = (tmp_path / "first/runs").iterdir()
+    assert load_file(run / "checkpoints/step_000000000480/policy.safetensors")
+    survived = trained(tmp_path / "survived", cluster(nodes), killing(nodes))
+    assert survived[-1]["steps"] == 480
+    assert survived[-1]["workers_lost"] == 1
+    # what the workers collected with a checkpoint of theirs cannot be continued without them
+    folder = tmp_path / "here"
+    with pytest.raises(RunError, match="they were in the workers of a cluster: continue with a cluster"):
+        trained(folder, resume_run=f'"{run}"', total_timesteps=960)
+
+
+def test_ppo_continues_on_a_cluster(nodes: Nodes, tmp_path: Path) -> None:
+    trained(tmp_path / "first", cluster(nodes))
+    (run,) = (tmp_path / "first/runs").iterdir()
+    (tmp_path / "second").mkdir()
+    path = write_training(tmp_path / "second", cluster(nodes), resume_run=f'"{run}"', total_timesteps=576)
+    context = context_of(path)
+    ended(context, PpoTrainer(context))
+    rows = [json.loads(line)["steps"] for line in (run / "metrics.jsonl").read_text().splitlines()]
+    assert rows == list(range(48, 577, 48))
