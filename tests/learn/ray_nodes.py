@@ -11,7 +11,7 @@ from joshua.testing.port import free_port
 
 os.environ |= {
     "RAY_AUTH_MODE": "token",
-    "RAY_AUTH_TOKEN": secrets.token_hex(16),
+    "RAY_AUTH_TOKEN": os.environ.get("RAY_AUTH_TOKEN") or secrets.token_hex(16),
     "RAY_USAGE_STATS_ENABLED": "0",
     "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",  # on the loopback
     "RAY_health_check_period_ms": "500",  # a lost node is noticed soon
