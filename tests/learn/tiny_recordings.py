@@ -23,13 +23,18 @@ def write_recording(
     height: int = 48,
     joints: tuple[str, ...] = JOINTS,
     codec: str = "h264",
+    arms: tuple[str, ...] = (),
 ) -> Path:
-    """Writes episodes in which a square stands where the joints are, and the action is where they go."""
+    """Writes episodes in which a square stands where the joints are, and the action is where they go.
+
+    Each of several arms is a quarter of a turn ahead of the one before it.
+    """
     keys = [f"observation.images.{name}" for name in cameras]
+    ends = [f".{arm}" for arm in arms] or [""]
     features = FeatureSet(
         [
-            Feature.joints("observation.state", joints),
-            Feature.joints("action", joints),
+            *(Feature.joints(f"observation.state{end}", joints) for end in ends),
+            *(Feature.joints(f"action{end}", joints) for end in ends),
             *(Feature.picture(key, height, width) for key in keys),
         ]
     )
@@ -38,9 +43,12 @@ def write_recording(
         writer.open()
         for episode, length in enumerate(lengths):
             for number in range(length):
-                state = np.sin(0.3 * number + episode + np.arange(len(joints))).astype(np.float32)
-                after = np.sin(0.3 * (number + 1) + episode + np.arange(len(joints))).astype(np.float32)
-                values: dict[str, Any] = {"observation.state": state, "action": after}
+                values: dict[str, Any] = {}
+                for turn, end in enumerate(ends):
+                    angles = episode + np.arange(len(joints)) + turn * np.pi / 2
+                    values[f"observation.state{end}"] = np.sin(0.3 * number + angles).astype(np.float32)
+                    values[f"action{end}"] = np.sin(0.3 * (number + 1) + angles).astype(np.float32)
+                state = values[f"observation.state{ends[0]}"]
                 for index, key in enumerate(keys):
                     picture = np.full((height, width, 3), 40 * index, np.uint8)
                     at = int((width - 12) * (state[index] + 1) / 2)

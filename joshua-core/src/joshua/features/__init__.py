@@ -12,7 +12,7 @@ from joshua.plan.lazy import lazy_names
 
 if TYPE_CHECKING:
     from joshua.features.aligner import Alignment, FeatureCounts, TimeAligner
-    from joshua.features.derive import camera_key, features_of
+    from joshua.features.derive import camera_key, features_of, own_names
     from joshua.features.episodes import DatasetLayout, EpisodeError, EpisodeWriter
     from joshua.features.feature_set import FeatureSet
     from joshua.features.frame import FeatureError, Frame, checked
@@ -38,11 +38,12 @@ __all__ = [
     "camera_key",
     "checked",
     "features_of",
+    "own_names",
 ]
 
 _LATER = {
     "aligner": ("Alignment", "FeatureCounts", "TimeAligner"),
-    "derive": ("camera_key", "features_of"),
+    "derive": ("camera_key", "features_of", "own_names"),
     "episodes": ("DatasetLayout", "EpisodeError", "EpisodeWriter"),
     "feature_set": ("FeatureSet",),
     "frame": ("FeatureError", "Frame", "checked"),

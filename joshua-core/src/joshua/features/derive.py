@@ -68,6 +68,14 @@ def camera_key(name: str) -> str:
     return IMAGES + ("_".join(parts) or "camera")
 
 
+def own_names(names: Iterable[str]) -> list[str]:
+    """What tells nodes apart: ``left`` and ``right`` for ``left_arm`` and ``right_arm``."""
+    plain = [_plain(name) for name in names]
+    shared = set(plain[0].split("_")).intersection(*(name.split("_") for name in plain))
+    own = ["_".join(word for word in name.split("_") if word not in shared) or name for name in plain]
+    return own if len(set(own)) == len(own) else plain
+
+
 class _Robot:
     """The nodes of a robot, by their role."""
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from joshua.config.checks.device_table import messages_of
 from joshua.config.input_paths import folder_of
-from joshua.features.derive import features_of
+from joshua.features.derive import features_of, own_names
 from joshua.features.feature_set import FeatureSet
 from joshua.features.needs import as_trained, joined, unmet
 from joshua.modes.services import judges_robot
@@ -240,11 +240,7 @@ def _arms(draft: Draft, item: Resolved) -> tuple[ModelArm, ...]:
     if len(driven) < 2:
         return ()
     published = {own.topic for own in graph.of_entry(entry) if own.is_publisher}
-    words = [other.full_name.strip("/").replace("/", "_").split("_") for other in driven]
-    shared = set(words[0]).intersection(*words)
-    own = ["_".join(word for word in name if word not in shared) or "_".join(name) for name in words]
-    if len(set(own)) < len(own):
-        own = ["_".join(name) for name in words]
+    own = own_names(other.full_name for other in driven)
     joints = [tuple(joint.name for joint in draft.joints.get(other.path, ())) for other in driven]
     clash = len({name for names in joints for name in names}) < sum(map(len, joints))
     found = []

@@ -14,6 +14,7 @@ from joshua_dataset.decoding import DatasetError
 from joshua_dataset.reader import Dataset, Episode
 from joshua_training.run_folder import RunError
 
+from joshua_imitation.joined import with_joined_arms
 from joshua_imitation.stream import Stream
 
 Array = npt.NDArray[Any]
@@ -123,7 +124,7 @@ def open_dataset(place: str) -> tuple[Dataset, Stream | None]:
             f"{folder} has the layout {found.version}, {found.format}: run `joshua dataset convert {folder} "
             "TARGET`, and train on TARGET"
         )
-    return found, stream
+    return with_joined_arms(found), stream
 
 
 def _fetched(name: str) -> Path:

@@ -12,6 +12,8 @@ from joshua_training.settings import RunSettings
 from pydantic import model_validator
 from typing_extensions import Self
 
+from joshua_imitation.arms import joined_features
+
 #: Losses that each policy supports, its own first.
 LOSSES: Mapping[str, tuple[str, ...]] = {"act": ("l1",), "diffusion": ("mse", "l1"), "smolvla": ("mse",)}
 
@@ -263,6 +265,7 @@ class ImitationSettings(RunSettings):
                 remedy=f"run `joshua dataset convert {self.dataset} TARGET`, and name TARGET",
             )
             return
+        features, _ = joined_features(features)
         lacks = [key for key in ("action", "observation.state") if key not in features]
         known = tuple(key.removeprefix(_PICTURES) for key in features if key.startswith(_PICTURES))
         if not known and self.policy_type in ("act", "diffusion", "smolvla"):
