@@ -136,6 +136,7 @@ CHANGES: list[dict[str, Any]] = [
     {"validation_share": 0.5},
     {"colour_jitter": 0.3},
     {"shift_px": 3},
+    {"state_noise": 0.1},
     {"accumulation_steps": 2},
     {"precision": "bfloat16"},
     {"hidden_size": 48},
@@ -202,7 +203,7 @@ def test_accumulated_batches_learn_as_a_large_one(
 @pytest.mark.parametrize(
     "fields",
     [
-        {"colour_jitter": 0.2, "shift_px": 2, "accumulation_steps": 2, "num_epochs": 4},
+        {"colour_jitter": 0.2, "shift_px": 2, "state_noise": 0.1, "accumulation_steps": 2, "num_epochs": 4},
         {"policy_type": "diffusion", **DIFFUSION, "cameras": ("top",), "max_steps": 6},
     ],
     ids=["act", "diffusion"],

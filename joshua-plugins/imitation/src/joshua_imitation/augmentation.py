@@ -1,4 +1,4 @@
-"""Random changes of pictures, determined by seed and update, whichever thread prepares a batch."""
+"""Random changes of pictures and joints, determined by seed and update, whichever thread prepares a batch."""
 
 from __future__ import annotations
 
@@ -22,16 +22,26 @@ class Augmentation:
         colour: largest change of brightness, contrast and saturation, as a share.
         shift_px: largest shift in each direction.
         seed: of the changes.
+        state: spread of the noise on the joints that the policy sees, as a share of their own spread.
     """
 
     colour: float
     shift_px: int
     seed: int
+    state: float = 0.0
 
     def chances(self, frames: Array, update: int, number: int) -> Array:
         """Return the changes of each sample, (B, 5) from -1 to 1: the same for all its pictures."""
         draw = np.random.default_rng([self.seed, 3, update, number])
         return draw.uniform(-1.0, 1.0, (len(frames), 5))
+
+    def disturb(self, joints: Any, spread: Array, update: int, number: int) -> Any:
+        """Return changed joints, (B, …, n), whose spread in the data set is known."""
+        if not self.state:
+            return joints
+        draw = np.random.default_rng([self.seed, 4, update, number])
+        noise = (self.state * spread * draw.standard_normal(joints.shape)).astype(np.float32)
+        return joints + torch.from_numpy(noise)
 
     def apply(self, pictures: Any, chances: Array) -> Any:
         """Return changed pictures, (B, …, 3, H, W) from 0 to 1."""

@@ -109,8 +109,8 @@ def build(
         album.close()
         raise
     augmentation = (
-        Augmentation(settings.colour_jitter, settings.shift_px, settings.seed)
-        if settings.colour_jitter or settings.shift_px
+        Augmentation(settings.colour_jitter, settings.shift_px, settings.seed, settings.state_noise)
+        if settings.colour_jitter or settings.shift_px or settings.state_noise
         else None
     )
     maker = Maker(recording, album, parts.windows, augmentation)

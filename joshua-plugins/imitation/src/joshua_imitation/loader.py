@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from joshua.features import ACTION
+from joshua.features import ACTION, STATE
 
 from joshua_imitation.augmentation import Augmentation
 from joshua_imitation.data import Array, Recording, Windows
@@ -79,6 +79,7 @@ class Maker:
     ) -> None:
         self._recording, self._album, self._windows = recording, album, windows
         self._augmentation = augmentation
+        self._spread = recording.numbers[STATE].std(axis=0) if STATE in recording.numbers else None
 
     def make(self, frames: Array, update: int = 0, number: int = 0) -> Batch:
         """Make the batch of some frames; ``update`` and the batch's ``number`` seed the augmentation."""
@@ -93,6 +94,8 @@ class Maker:
                 batch[f"{key}_is_pad"] = torch.from_numpy(padded)
             else:
                 batch[key] = torch.from_numpy(values[frames])
+        if self._augmentation is not None and self._spread is not None:
+            batch[STATE] = self._augmentation.disturb(batch[STATE], self._spread, update, number)
         for key in recording.pictures:
             if windows.seen:
                 held, padded = recording.window(frames, windows.seen)

@@ -69,6 +69,7 @@ class ImitationSettings(RunSettings):
     validation_batches: int = 50
     colour_jitter: float = 0.0
     shift_px: int = 0
+    state_noise: float = 0.0
     accumulation_steps: int = 1
     device: str = "auto"
     precision: str = "float32"
