@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from joshua_mujoco_sim.envs import make_vector_environment
 from joshua_mujoco_sim.envs.state import SingleState
 from joshua_ppo_trainer.policy import Policy
 from joshua_training.run_folder import RunError, RunFolder
+from learner_behaviours import LearnerBehaviours
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
@@ -170,51 +171,24 @@ def settings(**fields: Any) -> IsaacSettings:
     return IsaacSettings.from_block(block)
 
 
-def learner(**fields: Any) -> Learner:
+def learner(asked: Callable[[], bool] = lambda: False, **fields: Any) -> Learner:
     made = settings(**fields)
-    return Learner(made, MujocoVecEnv(made.num_envs), "cpu", seed=2)
+    return Learner(made, MujocoVecEnv(made.num_envs), "cpu", 2, asked)
 
 
 def about(made: IsaacSettings) -> dict[str, Any]:
     return policy_facts(REACH, TensorTask(REACH).evaluator, 25.0, made.activation)
 
 
-def learned(**fields: Any) -> dict[str, Any]:
-    made = learner(**fields)
-    for _ in range(2):
-        assert made.iterate() is not None
-    return {name: value.clone() for name, value in made._algorithm.policy.state_dict().items()}
+class TestIsaac(LearnerBehaviours):
+    def make(self, asked: Callable[[], bool] = lambda: False, **fields: Any) -> Any:
+        return learner(asked, **fields)
 
+    def weights(self, made: Any) -> dict[str, Any]:
+        return {name: value.clone() for name, value in made._algorithm.policy.state_dict().items()}
 
-@pytest.mark.parametrize(
-    "changed",
-    [
-        {"num_envs": 8},
-        {"learning_rate": 0.001},
-        {"gamma": 0.5},
-        {"clip_range": 0.01},
-        {"batch_size": 8},
-        {"n_steps": 6},
-        {"n_epochs": 3},
-        {"gae_lambda": 0.2},
-        {"entropy_weight": 0.5},
-        {"value_weight": 0.1},
-        {"max_grad_norm": 0.01},
-        {"target_kl": 0.00001},
-        {"hidden_sizes": [16]},
-        {"activation": "tanh"},
-        {"initial_log_std": -2.0},
-        {"normalize_observations": True},
-        {"normalize_rewards": True},
-    ],
-    ids=lambda changed: next(iter(changed)),
-)
-def test_every_field_takes_effect(changed: dict[str, Any]) -> None:
-    base, again, other = learned(), learned(), learned(**changed)
-    assert all(torch.equal(base[name], again[name]) for name in base)
-    assert base.keys() != other.keys() or any(
-        base[name].shape != other[name].shape or not torch.equal(base[name], other[name]) for name in base
-    )
+    def fill_value(self, made: Any, value: float) -> None:
+        made._algorithm.policy.critic[0].weight.data.fill_(value)
 
 
 @pytest.mark.parametrize("fields", [{}, {"normalize_observations": True, "activation": "tanh"}])
@@ -244,7 +218,7 @@ def test_the_policy_runs_without_pytorch_as_it_learned(fields: dict[str, Any], t
 
 
 def test_a_learner_continues_with_its_weights_and_optimiser(tmp_path: Path) -> None:
-    fields = {"normalize_observations": True, "normalize_rewards": True}
+    fields: dict[str, Any] = {"normalize_observations": True, "normalize_rewards": True}
     before = learner(**fields)
     for _ in range(3):
         before.iterate()
@@ -265,15 +239,6 @@ def test_a_learner_continues_with_its_weights_and_optimiser(tmp_path: Path) -> N
     (folder / "state.json").unlink()
     with pytest.raises(RunError, match="cannot be used"):
         after.restore(folder)
-
-
-@pytest.mark.parametrize("value", [float("nan"), 1e30])
-def test_a_loss_that_is_no_number_stops_the_training(value: float) -> None:
-    made = learner()
-    made.iterate()
-    made._algorithm.policy.critic[0].weight.data.fill_(value)
-    with pytest.raises(RunError, match="is not a number after 32 steps: lower learning_rate"):
-        made.iterate()
 
 
 def test_reaching_is_learned() -> None:
