@@ -96,3 +96,51 @@ def _has_token(environment: Mapping[str, str]) -> bool:
         return bool(path.read_text(encoding="utf-8").strip())
     except (OSError, UnicodeDecodeError):
         return False
+
+
+def refuse_other_tls(address: str, environment: Mapping[str, str], limit_s: float = 3.0) -> None:
+    """Refuse a cluster that has TLS other than this process; Ray would try to connect for a minute.
+
+    Raises:
+        JobError: only one of both has TLS, or the authority did not sign the certificate of the cluster.
+        OSError: nothing answers.
+    """
+    import socket
+    import ssl
+
+    host, port = parsed(address)
+    has_tls = environment.get("RAY_USE_TLS", "0") == "1"
+    context = ssl.create_default_context() if has_tls else ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname = False
+    context.set_alpn_protocols(["h2"])
+    if has_tls:
+        certificate, key, authority = (environment.get(name) or "" for name in TLS_FILES)
+        try:
+            context.load_verify_locations(authority)
+            context.load_cert_chain(certificate, key)
+        except OSError as error:
+            raise JobError(
+                f"the files of TLS cannot be used: {error}. Correct {', '.join(TLS_FILES)}"
+            ) from error
+    else:
+        context.verify_mode = ssl.CERT_NONE
+    with socket.create_connection((host, port), limit_s) as connection:
+        try:
+            context.wrap_socket(connection, server_hostname=host).close()
+        except ssl.SSLCertVerificationError as error:
+            raise JobError(
+                f"the Ray cluster at {address} has a certificate that RAY_TLS_CA_CERT did not sign "
+                f"({error.verify_message}). Name the certificate of the cluster's authority"
+            ) from error
+        except OSError as error:
+            if has_tls:
+                raise JobError(
+                    f"the Ray cluster at {address} has no TLS, but RAY_USE_TLS=1 is set. Start its nodes "
+                    "with RAY_USE_TLS=1 and their certificates, or unset it"
+                ) from error
+            return
+    if not has_tls:
+        raise JobError(
+            f"the Ray cluster at {address} has TLS, and this process does not. Set RAY_USE_TLS=1 and "
+            f"{', '.join(TLS_FILES)}"
+        )

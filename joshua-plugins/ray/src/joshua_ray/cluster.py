@@ -7,7 +7,6 @@ import os
 import re
 import secrets
 import signal
-import socket
 import threading
 import time
 from collections import deque
@@ -17,7 +16,7 @@ from typing import Any
 
 from joshua_jobs.executor import Crew, Executor, Item, JobError, Result, Stopped, never
 
-from joshua_ray.addresses import LOCAL, is_loopback, parsed, refuse_unprotected
+from joshua_ray.addresses import LOCAL, is_loopback, parsed, refuse_other_tls, refuse_unprotected
 
 #: How often a waiting executor asks whether it is stopped, and whether a worker is left.
 POLL_S = 0.5
@@ -310,7 +309,7 @@ def _connected(address: str) -> Any:
     if is_loopback(host):
         head = f"{LOOPBACK_ONLY}=0 {head}"
     try:
-        socket.create_connection((host, port), CONNECT_S).close()
+        refuse_other_tls(address, os.environ, CONNECT_S)
     except OSError as error:
         raise JobError(
             f"no Ray cluster answers at {address}: {error.strerror or error}. Start its head "
