@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,10 +17,10 @@ from joshua.schema import config_pb2 as pb
 from joshua.testing.recording_context import RecordingContext
 from joshua_mujoco_sim.envs import TASKS
 from joshua_ppo_trainer import files
-from joshua_ppo_trainer.files import DivergedError
 from joshua_ppo_trainer.policy import Policy
 from joshua_training.memory import remedied
 from joshua_training.run_folder import RunError, RunFolder
+from learner_behaviours import LearnerBehaviours, differ
 
 jax = pytest.importorskip("jax", reason="needs JAX: run ./test -s mjx")
 jnp = pytest.importorskip("jax.numpy")
@@ -86,8 +87,10 @@ def settings(**fields: Any) -> MjxSettings:
     return MjxSettings.from_block(block).suitable("acme/Points-v0")
 
 
-def learner(environments: Any = None, seed: int = 5, **fields: Any) -> Learner:
-    return Learner(settings(**fields), environments or Points(), seed)
+def learner(
+    environments: Any = None, seed: int = 5, asked: Callable[[], bool] = lambda: False, **fields: Any
+) -> Learner:
+    return Learner(settings(**fields), environments or Points(), seed, asked)
 
 
 def rows(made: Learner, count: int) -> list[dict[str, float]]:
@@ -103,49 +106,18 @@ def weights(made: Learner) -> dict[str, Any]:
     return made.snapshot()[0]
 
 
-def differ(one: dict[str, Any], other: dict[str, Any]) -> bool:
-    return one.keys() != other.keys() or any(not np.array_equal(one[key], other[key]) for key in one)
+class TestMjx(LearnerBehaviours):
+    def make(self, asked: Callable[[], bool] = lambda: False, **fields: Any) -> Any:
+        return learner(asked=asked, **fields)
 
+    def fill_value(self, made: Any, value: float) -> None:
+        made.tree["weights"]["value_net.weight"] = jnp.full((1, 16), value)
 
-def uncompiled(**fields: Any) -> dict[str, Any]:
-    """The weights after an iteration; each setting would be compiled anew, for seconds."""
-    made = learner(**fields)
-    with jax.disable_jit():
-        rows(made, 1)
-    return weights(made)
-
-
-@pytest.fixture(scope="module")
-def base() -> dict[str, Any]:
-    return uncompiled()
-
-
-@pytest.mark.parametrize(
-    "changed",
-    [
-        {},
-        {"num_envs": 12},
-        {"learning_rate": 0.001},
-        {"gamma": 0.5},
-        {"clip_range": 0.01},
-        {"batch_size": 16},
-        {"n_steps": 6},
-        {"n_epochs": 3},
-        {"gae_lambda": 0.2},
-        {"entropy_weight": 0.5},
-        {"value_weight": 0.1},
-        {"max_grad_norm": 0.01},
-        {"target_kl": 0.00001},
-        {"hidden_sizes": [8]},
-        {"activation": "elu"},
-        {"initial_log_std": -2.0},
-        {"normalize_observations": False},
-        {"normalize_rewards": False},
-    ],
-    ids=lambda changed: next(iter(changed), "nothing"),
-)
-def test_every_field_takes_effect(base: dict[str, Any], changed: dict[str, Any]) -> None:
-    assert differ(base, uncompiled(**changed)) == bool(changed)
+    def learned(self, **fields: Any) -> dict[str, Any]:
+        made = learner(**{"normalize_observations": False, "normalize_rewards": False, **fields})
+        with jax.disable_jit():  # each setting would be compiled anew, for seconds
+            rows(made, 1)
+        return self.weights(made)
 
 
 def test_it_learns() -> None:
@@ -171,29 +143,6 @@ def test_it_goes_on_from_a_checkpoint_bit_for_bit(tmp_path: Path) -> None:
     for other in ({"num_envs": 12}, {"hidden_sizes": [8]}):
         with pytest.raises(RunError, match=r"does not fit the file: .*: continue with the num_envs"):
             learner(**other).restore(*files.read(path))
-
-
-def test_a_stop_in_the_middle_keeps_the_last_whole_iteration() -> None:
-    made = learner(n_epochs=50)
-    rows(made, 1)
-    kept, asked = weights(made), iter([False, False, False, True])
-    made._asked = lambda: next(asked)
-    assert made.iterate() is None
-    assert not differ(kept, weights(made))
-    assert made.snapshot()[2]["steps"] == 12 * 16
-
-
-def test_a_loss_that_is_no_number_stops_with_what_to_do() -> None:
-    made = learner()
-    rows(made, 1)
-    made.tree["weights"]["value_net.weight"] = jnp.full((1, 16), jnp.inf)
-    kept = weights(made)
-    with pytest.raises(DivergedError, match=r"is not a number after 192 steps: lower learning_rate"):
-        made.iterate()
-    assert not differ(kept, weights(made))
-    batch = made.last_batch()
-    assert batch["observations"].shape == (192, 3)
-    assert not np.isfinite(batch["weights.value_net.weight"]).any()
 
 
 def test_a_full_disk_does_not_hide_why_learning_ended(tmp_path: Path) -> None:
