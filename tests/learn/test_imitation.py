@@ -16,6 +16,7 @@ from typing import Any
 import lerobot_here
 import numpy as np
 import pytest
+import remotes
 import tiny_policies
 import torch
 from hub_server import TOKEN, HubServer
@@ -436,3 +437,29 @@ def test_a_streamed_data_set_teaches_the_same(
             assert not stream.folder.exists()
     with pytest.raises(RunError, match=r"hf://datasets/me/none cannot be streamed: .*"):
         build(settings(recording).model_copy(update={"dataset": "hf://datasets/me/none"}))
+
+
+@pytest.mark.parametrize("kind", ["s3", "gs"])
+def test_a_data_set_in_a_bucket_is_streamed_for_an_epoch(
+    kind: str, recording: Path, learner: Callable[..., Learner], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fields: dict[str, Any] = {"num_epochs": 1, "picture_cache_mb": 0}
+    expected = rows(learner(**fields))
+    with remotes.KINDS[kind]() as remote:
+        remotes.use(remote, monkeypatch)
+        address = f"{remote.url}/demos"
+        upload(recording, store_of(address), Tally())
+        built = build(settings(recording, **fields).model_copy(update={"dataset": address}))
+        streamed = built.learner(RunFolder(recording))
+        assert rows(streamed) == expected
+        assert built.album._stream is not None
+        assert built.album._stream._blocks
+        built.album.close()
+        with pytest.raises(RunError, match=rf"{address}-none cannot be streamed: .*{address}-none"):
+            build(settings(recording).model_copy(update={"dataset": f"{address}-none"}))
+        again = build(settings(recording, **fields).model_copy(update={"dataset": address}))
+        there = store_of(address)
+        there.remove([name for name in there.listing() if name.endswith(".mp4")])
+        with pytest.raises(RunError, match=r"cannot be streamed: .*: continue with resume_run"):
+            rows(again.learner(RunFolder(recording)))
+        again.album.close()
