@@ -167,7 +167,11 @@ TRAIN = "training { environment: %s method: %s %s }"
         (TRAIN % ("ENV_REAL", "METHOD_RL", ""), "", ["mode-lacks-actuator"]),
         (TRAIN % ("ENV_REAL", "METHOD_RL", ""), FOLLOWER, []),
         (TRAIN % ("ENV_SIMULATION", "METHOD_RL", ""), FOLLOWER, ["block-unused"]),
-        (TRAIN % ("ENV_REAL", "METHOD_IMITATION", 'imitation_config { dataset_name: "d" }'), "", []),
+        (
+            TRAIN % ("ENV_REAL", "METHOD_IMITATION", 'imitation_config { dataset_name: "d" }'),
+            "",
+            ["mode-lacks-model", "mode-lacks-actuator"],
+        ),
         ("", "", ["mode-lacks-block"]),
     ],
 )

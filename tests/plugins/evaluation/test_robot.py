@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import av
+import numpy as np
 import pytest
 from eventually import eventually
 from joshua.api.nodes import TopicSpec
@@ -16,7 +19,9 @@ from joshua.planner.pipeline import examine
 from joshua.planner.request import Purpose, Request
 from joshua.testing.domain import reserved_domain
 from joshua.testing.program import JoshuaProgram
+from joshua_evaluation.node import blind_order
 from joshua_evaluation.robot import Marks
+from joshua_evaluation.videos import Film
 
 ROBOT = """
 general {{ mode: MODE_TRAINING robot_type: "SO-ARM100" name: "judge" id: "judge-robot" }}
@@ -33,6 +38,7 @@ robot {{
       motor_ids: [1, 2, 3, 4, 5, 6] position_max: 4095 velocity: 1000 acceleration: 200
     }}
   }}
+  {camera}
 }}
 ai {{
   models {{
@@ -50,6 +56,16 @@ ai {{
 }}
 """
 
+CAMERA = """
+  perceptions {
+    node {
+      node_name: "front" node_id: 3
+      publishers { data_type: IMAGE topic_name: "/camera/front/image_raw" publish_rate_hz: 15 }
+    }
+    perception_type: PERCEPTION_CAMERA mock_camera_config { width: 640 height: 480 fps: 15 }
+  }
+"""
+
 
 @pytest.fixture
 def joshua(tmp_path: Path) -> Iterator[JoshuaProgram]:
@@ -59,10 +75,11 @@ def joshua(tmp_path: Path) -> Iterator[JoshuaProgram]:
         program.close()
 
 
-def write(folder: Path, more: str = "", weights: str = "") -> Path:
-    (folder / "policy-7").mkdir(exist_ok=True)
+def write(folder: Path, more: str = "", weights: str = "", camera: str = "") -> Path:
+    for name in ("policy-6", "policy-7"):
+        (folder / name).mkdir(exist_ok=True)
     path = folder / "judge.pbtxt"
-    path.write_text(ROBOT.format(more=more, weights=weights))
+    path.write_text(ROBOT.format(more=more, weights=weights, camera=camera))
     return path
 
 
@@ -74,17 +91,21 @@ def figures(joshua: JoshuaProgram) -> dict[str, Any]:
     return dict(json.loads(joshua("call", "policy", "figures", "--format", "json").stdout))
 
 
+def play(joshua: JoshuaProgram, mark: str) -> None:
+    eventually(lambda: joshua("episode", "begin").returncode == 0, "an episode begins", timeout_s=60)
+    wanted = figures(joshua)["chunks"] + 10  # time for many states of the arm
+    while figures(joshua)["chunks"] < wanted:
+        continue
+    assert joshua("episode", mark).returncode == 0
+
+
 def test_marked_episodes_of_an_emulated_arm_become_a_report(joshua: JoshuaProgram, tmp_path: Path) -> None:
     run = joshua.start("--config", str(write(tmp_path)), "--emulate", "--duration", "300")
     assert run.stdout is not None
     assert any(" ready after " in line for line in run.stdout)
     assert (figures(joshua)["chunks"], figures(joshua)["state"]) == (0, "paused")
     for mark in ("failure", "success"):
-        eventually(lambda: joshua("episode", "begin").returncode == 0, "an episode begins", timeout_s=60)
-        wanted = figures(joshua)["chunks"] + 10  # time for many states of the arm
-        while figures(joshua)["chunks"] < wanted:
-            continue
-        assert joshua("episode", mark).returncode == 0
+        play(joshua, mark)
     said = run.communicate(timeout=60)[0]
     assert run.returncode == 0, said
     assert "2 episodes: success 0.50, " in said
@@ -99,8 +120,42 @@ def test_marked_episodes_of_an_emulated_arm_become_a_report(joshua: JoshuaProgra
     rows = list(csv.DictReader((folder / "episodes.csv").read_text().splitlines()))
     assert [row["success"] for row in rows] == ["0", "1"]
     page = (folder / "report.html").read_text()
-    assert "2 episodes (marked by a person)" in page
+    assert [row["return"] for row in rows] == ["", ""]
+    assert "2 episodes (marked by a person; a robot gives no reward, so there is no return)" in page
     assert "Return of each episode" not in page
+    assert "No videos: no node of the file publishes pictures." in page
+
+
+def test_two_checkpoints_play_each_start_in_an_order_that_nobody_is_told(
+    joshua: JoshuaProgram, tmp_path: Path
+) -> None:
+    path = write(tmp_path, 'compare_with: "policy-6"', camera=CAMERA)
+    run = joshua.start("--config", str(path), "--emulate", "--duration", "300")
+    assert run.stdout is not None
+    assert any(" ready after " in line for line in run.stdout)
+    marks = ["success", "failure", "failure", "success"]
+    for mark in marks:
+        play(joshua, mark)
+    said = run.communicate(timeout=60)[0]
+    assert run.returncode == 0, said
+    assert "policy-6" not in said
+    (folder,) = (tmp_path / "runs").glob("eval-robot-*")
+    results = json.loads((folder / "results.json").read_text())
+    order = blind_order(2, 1000)
+    assert results["order"] == order
+    assert sorted(order[:2]) == sorted(order[2:]) == [0, 1]
+    by = {
+        which: [mark == "success" for mark, one in zip(marks, order, strict=True) if one == which]
+        for which in (0, 1)
+    }
+    assert results["metrics"]["success_rate"]["episodes"] == by[0]
+    assert results["compared"]["checkpoint"] == "policy-6"
+    assert results["compared"]["metrics"]["success_rate"]["episodes"] == by[1]
+    assert results["compared"]["differences"]["success_rate"]["method"] == "mcnemar"
+    page = (folder / "report.html").read_text()
+    assert "in an order by chance that the person was not told" in page
+    assert page.count("<video ") == 4  # the best and the worst episode of each
+    assert "best of policy-6: start " in page
 
 
 def report(marks: Marks, what: str, number: int) -> None:
@@ -119,7 +174,7 @@ def test_a_second_mark_corrects_the_first_and_keeps_the_motion() -> None:
         marks.state("/a", SimpleNamespace(position=[float(step), 1.0]), step * 20_000_000)
     report(marks, "failure", 1)
     report(marks, "success", 1)
-    (episode,) = marks.episodes.values()
+    (episode,) = marks.episodes
     assert episode.success
     assert episode.observations["observation.state"].shape == (5, 3)
     assert episode.steps == 4
@@ -130,8 +185,8 @@ def test_a_second_mark_corrects_the_first_and_keeps_the_motion() -> None:
 @pytest.mark.parametrize(
     ("more", "at", "said"),
     [
-        ("videos: 3", "videos", "videos has no effect on a robot"),
-        ('compare_with: "policy-6"', "compare_with", "one checkpoint at a time"),
+        ("randomise: true", "randomise", "randomise has no effect on a robot"),
+        ('camera: "top"', "camera", "No node top publishes pictures"),
         ('metrics: ["avg_return"]', "metrics[0]", "A robot gives no reward"),
     ],
 )
@@ -147,3 +202,18 @@ def test_the_weights_are_those_of_the_model(tmp_path: Path) -> None:
     (error,) = (item for item in found if item.code == "checkpoint-not-run")
     assert error.message.startswith("No model of ai.models runs policy-7")
     assert error.allowed == ('"policy-8"',)
+
+
+def test_a_film_of_any_length_needs_little_memory_and_lasts_as_long_as_the_episode() -> None:
+    film, picture = Film(), np.zeros((480, 640, 3), np.uint8)
+    for number in range(9000):  # ten minutes at 15 Hz
+        if film.wants(stamp := number * 66_666_667):
+            film.add(picture, stamp)
+    assert len(film._pictures) <= Film.MOST
+    with av.open(io.BytesIO(film.develop())) as container:
+        stream = container.streams.video[0]
+        assert (stream.width, stream.height) == (320, 240)
+        assert stream.duration is not None
+        assert stream.time_base is not None
+        assert float(stream.duration * stream.time_base) == pytest.approx(600, rel=0.02)
+    assert Film().develop() == b""

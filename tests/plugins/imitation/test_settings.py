@@ -102,6 +102,7 @@ def test_a_loss_that_a_policy_does_not_have_is_refused_at_its_line(
         ("machines: 2", "machines", "2 machines have no address where they meet"),
         ('main_address: "10.0.0.1"', "main_address", '"10.0.0.1" is not a host and a port'),
         ("machine_rank: 1", "machine_rank", "so 1 of them have no number 1"),
+        ("robot_episodes: 3", "robot_episodes", "it belongs to evaluations on the robot"),
     ],
 )
 def test_what_does_not_fit_together_is_named(tmp_path: Path, fields: str, at: str, said: str) -> None:
@@ -111,12 +112,15 @@ def test_what_does_not_fit_together_is_named(tmp_path: Path, fields: str, at: st
     assert error.remedy
 
 
-def test_a_robot_is_not_trained_on_with_the_reason(tmp_path: Path) -> None:
+def test_a_training_on_the_robot_requires_a_model_and_an_arm(tmp_path: Path) -> None:
     found = errors(tmp_path, environment="ENV_REAL")
-    (error,) = (item for item in found if item.field_path == "ai.training.environment")
-    assert error.message.startswith("Imitation learns from recorded episodes and moves no robot")
-    assert error.allowed == ("ENV_SIMULATION",)
-    assert "METHOD_EVAL and ENV_REAL" in error.remedy
+    assert [item.code for item in found] == ["mode-lacks-model", "mode-lacks-actuator"]
+
+
+def test_one_process_learns_beside_a_robot(tmp_path: Path) -> None:
+    found = errors(tmp_path, "processes: 2", environment="ENV_REAL")
+    (error,) = (item for item in found if item.field_path.endswith("processes"))
+    assert "learning pauses while the robot is evaluated" in error.message
 
 
 def test_an_address_is_streamed_and_checked(tmp_path: Path) -> None:

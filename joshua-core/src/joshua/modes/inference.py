@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import islice
-from typing import Any
 
 from joshua.config.checks import Context
 from joshua.config.checks.identity import title
@@ -33,8 +31,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
         yield lacks(context, "mode-lacks-actuator", what, "robot.actions", remedy=remedy)
     yield from _commands(context)
     commands = {item.topic for entry in context.graph.actuators for item in context.graph.commands(entry)}
-    pictures = (item.topic for item in context.graph.usable if item.is_publisher and _is_picture(item.block))
-    cameras = tuple(islice(pictures, _MOST_NAMES))
+    cameras = tuple(item.topic for item in context.graph.pictures()[:_MOST_NAMES])
     for entry in context.graph.models:
         yield from _actions_out(context, entry, commands)
         if value_rule(pb.ModelType.DESCRIPTOR, entry.owner.model_type).needs_images:
@@ -87,7 +84,7 @@ def _actions_out(context: Context, entry: NodeEntry, commands: set[str]) -> Iter
 
 
 def _observations_in(context: Context, entry: NodeEntry, cameras: tuple[str, ...]) -> Iterator[Diagnostic]:
-    if any(_is_picture(item) for item in entry.node.subscriptions):
+    if any(item.data_type in (types.IMAGE, types.COMPRESSED_IMAGE) for item in entry.node.subscriptions):
         return
     sample = cameras[0] if cameras else "/camera/top/image_raw"
     yield context.error(
@@ -97,10 +94,6 @@ def _observations_in(context: Context, entry: NodeEntry, cameras: tuple[str, ...
         allowed=cameras,
         remedy=f'Add subscriptions {{ data_type: IMAGE topic_name: "{sample}" }}',
     )
-
-
-def _is_picture(block: Any) -> bool:
-    return block.data_type in (types.IMAGE, types.COMPRESSED_IMAGE)
 
 
 SPEC = ModeSpec("MODE_INFERENCE", check, models=True, services=(DATA_STORE, SIMULATION))

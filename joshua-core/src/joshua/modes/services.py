@@ -72,7 +72,13 @@ def _trainer_is_chosen(config: pb.Config) -> bool:
 def judges_robot(config: pb.Config) -> bool:
     """Whether a model drives the robot in episodes that a person marks."""
     training = config.ai.training
-    return bool(training.environment == pb.ENV_REAL and training.method == pb.METHOD_EVAL)
+    judges = training.method in (pb.METHOD_EVAL, pb.METHOD_IMITATION)
+    return bool(training.environment == pb.ENV_REAL and judges)
+
+
+def awaits_weights(config: pb.Config) -> bool:
+    """Whether a training provides the weights of the model that drives the robot."""
+    return judges_robot(config) and bool(config.ai.training.method == pb.METHOD_IMITATION)
 
 
 def _judged(graph: RobotGraph, config: pb.Config) -> Iterator[ServiceTopic]:
@@ -84,6 +90,10 @@ def _judged(graph: RobotGraph, config: pb.Config) -> Iterator[ServiceTopic]:
     for item in (item for item in graph.usable if item.is_publisher and item.entry.path in arms):
         if item.block.data_type == data_type_pb2.JOINT_STATE:
             yield ServiceTopic(item.topic, data_types.type_name(data_type_pb2.JOINT_STATE))
+    block = config.ai.training.eval_config
+    if models and not awaits_weights(config) and (block.videos or not block.HasField("videos")):
+        for item in graph.pictures(block.camera)[:1]:
+            yield ServiceTopic(item.topic, data_types.type_name(item.block.data_type))
 
 
 TRAINING = ServiceSpec(

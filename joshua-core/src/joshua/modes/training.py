@@ -8,7 +8,7 @@ from dataclasses import replace
 from joshua.config.checks import Context
 from joshua.modes import inference
 from joshua.modes.queries import lacks
-from joshua.modes.services import TRAINING, judges_robot
+from joshua.modes.services import TRAINING, awaits_weights, judges_robot
 from joshua.modes.spec import ModeSpec
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
@@ -63,8 +63,20 @@ def _data_set(context: Context) -> Iterator[Diagnostic]:
 
 def _judged_weights(context: Context) -> Iterator[Diagnostic]:
     """On the robot, a model of ``ai.models`` runs the weights that are evaluated."""
-    wanted = context.config.ai.training.eval_config.model_checkpoint
+    block = context.config.ai.training.eval_config
     known = [entry.owner.pretrained_model_name_or_path for entry in context.graph.models]
+    if awaits_weights(context.config) and any(known):
+        entry = next(entry for entry in context.graph.models if entry.owner.pretrained_model_name_or_path)
+        path = f"{entry.owner_path}.pretrained_model_name_or_path"
+        remedy = "Remove it; `pretrained` in imitation_config names weights that the training starts from"
+        yield context.error("checkpoint-not-run", "The training provides the weights", path, remedy=remedy)
+        return
+    if block.camera and not context.graph.pictures(block.camera):
+        names = dict.fromkeys(item.entry.node.node_name for item in context.graph.pictures())
+        message = f"No node {block.camera} publishes pictures"
+        path = "ai.training.eval_config.camera"
+        yield context.error("invalid-setting", message, path, allowed=tuple(names)[:50])
+    wanted = block.model_checkpoint
     if wanted and any(known) and wanted not in known:
         path = "ai.training.eval_config.model_checkpoint"
         message = f"No model of ai.models runs {wanted}, and on a robot a model runs the weights"

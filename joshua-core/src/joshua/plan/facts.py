@@ -185,6 +185,7 @@ class ModelFacts(NodeFacts):
         reads_task: it does nothing without a task.
         interventions: topics of its actuators that report whether a person has taken over.
         is_judged: it acts in episodes only, which it reports on ``~/episode``.
+        awaits_weights: it starts without a model, and gets weights by its verb ``use_weights``.
     """
 
     kind: Literal["model"] = "model"
@@ -197,6 +198,7 @@ class ModelFacts(NodeFacts):
     reads_task: bool = False
     interventions: tuple[str, ...] = ()
     is_judged: bool = False
+    awaits_weights: bool = False
 
 
 @dataclass(frozen=True)

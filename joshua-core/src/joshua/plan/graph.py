@@ -168,6 +168,12 @@ class RobotGraph:
         """The endpoints whose topic name is valid; the others are reported by the naming rules."""
         return tuple(item for item in self.endpoints if item.is_named)
 
+    def pictures(self, camera: str = "") -> list[Endpoint]:
+        """The publishers of pictures, of the node ``camera`` alone; "" for all."""
+        kinds = (types.IMAGE, types.COMPRESSED_IMAGE)
+        found = (item for item in self.usable if item.is_publisher and item.block.data_type in kinds)
+        return [item for item in found if camera in ("", item.entry.node.node_name, item.topic)]
+
     @cached_property
     def by_topic(self) -> dict[str, list[Endpoint]]:
         """The usable endpoints of each topic."""

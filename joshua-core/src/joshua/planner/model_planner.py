@@ -15,7 +15,7 @@ from joshua.config.input_paths import folder_of
 from joshua.features.derive import features_of, own_names
 from joshua.features.feature_set import FeatureSet
 from joshua.features.needs import as_trained, joined, unmet
-from joshua.modes.services import judges_robot
+from joshua.modes.services import awaits_weights, judges_robot
 from joshua.plan import (
     Compute,
     Diagnostic,
@@ -50,6 +50,8 @@ def model_context(draft: Draft, entry: NodeEntry) -> ModelContext:
         folder = folder_of(draft.loaded.positions, path, draft.request.path)
         place = Path(os.path.normpath(folder / os.path.expanduser(weights)))  # noqa: PTH111 (as the checks)
         weights = str(place) if place.exists() else weights
+    elif awaits_weights(draft.config):
+        weights = "weights of the training"  # neither a folder nor a name on the hub: its needs stay open
     return ModelContext(weights, owner.task, Compute(**block_values(owner.compute)), _rate(entry))
 
 
@@ -96,6 +98,7 @@ def model_facts(
         reads_task=needs.reads_task,
         interventions=tuple(filter(None, topics)),
         is_judged=judges_robot(draft.config),
+        awaits_weights=awaits_weights(draft.config),
         **common,
     )
 

@@ -179,9 +179,13 @@ def _numbers(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def ranked(episodes: Sequence[Episode]) -> list[int]:
-    """Return the indices from the best to the worst: success first, then the return."""
-    order = range(len(episodes))
-    return sorted(order, key=lambda i: (-episodes[i].success, -float(episodes[i].rewards.sum()), i))
+    """Return the indices from the best to the worst: success first, then the return, then a quick success."""
+
+    def rank(index: int) -> tuple[int, float, int, int]:
+        one = episodes[index]
+        return -one.success, -float(one.rewards.sum()), one.success * one.steps, index
+
+    return sorted(range(len(episodes)), key=rank)
 
 
 def now_s() -> float:

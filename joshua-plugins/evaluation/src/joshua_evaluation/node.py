@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -19,7 +19,7 @@ from joshua_evaluation.checkpoints import CheckpointError
 from joshua_evaluation.episodes import VIDEO_SIZE, Arena, Player, Stopped, play
 from joshua_evaluation.metrics import BUILT_IN, Episode, Metric, load_metric
 from joshua_evaluation.results import Intervals, Judged, as_csv, as_json
-from joshua_evaluation.robot import DIAGNOSTIC, Marks
+from joshua_evaluation.robot import Robot
 from joshua_evaluation.settings import DEFAULT_SEED, ON_ROBOT, Candidate, EvaluationSettings
 
 REPORT, TABLE, RESULTS = "report.html", "episodes.csv", "results.json"
@@ -38,7 +38,7 @@ class Evaluation(RunNode):
         self._metrics: tuple[Metric, ...] = ()
         self._about: dict[str, Any] = {}
         self._seed = DEFAULT_SEED
-        self._marks = Marks(())
+        self._robot: Robot | None = None
         self._executor: jobs.Executor | None = None
 
     def configure(self) -> None:
@@ -75,53 +75,68 @@ class Evaluation(RunNode):
         self._about |= {key: self.folder.facts()[key] for key in ("versions", "started")}
 
     def _watch_robot(self) -> None:
-        """Subscribe to the episodes of the model and to the joints of its arms."""
-        settings, topics = self._settings, self.context.spec.subscriptions
+        """Subscribe to the episodes of the model, to the joints of its arms and to a camera."""
+        settings = self._settings
         self._metrics = tuple(map(load_metric, settings.metrics or ON_ROBOT))
-        self._marks = Marks([topic for topic in topics if topic.type_name != DIAGNOSTIC])
-        for topic in topics:
-            is_report = topic.type_name == DIAGNOSTIC
-            take = self._marks.report if is_report else partial(self._marks.state, topic.name)
-            self.context.subscribe(topic, take)
+        self._seed = DEFAULT_SEED if settings.seed is None else settings.seed
+        self._robot = Robot(self.context)
         self._about = {"environment": "the robot", "reward_function": "", "wanted": settings.num_episodes}
+        if len(settings.candidates) > 1:
+            self._about["order"] = blind_order(settings.num_episodes, self._seed)
         hidden = {"output_folder", "resume_run", "candidates", "without_effect"}
         facts = {
             **self._about,
             "kind": "evaluation",
             "settings": {
                 **settings.model_dump(mode="json", exclude=hidden),
-                "model_checkpoint": settings.candidates[0].given,
+                **{item.field.rpartition(".")[2]: item.given for item in settings.candidates},
             },
         }
         self.begin(settings.output_folder, "eval-robot", facts)
         self._about |= {key: self.folder.facts()[key] for key in ("versions", "started")}
 
-    def _marked(self) -> list[Judged]:
-        """Wait until all episodes are marked; fewer if the run is stopped."""
-        marks, wanted = self._marks, self._settings.num_episodes
+    def _marked(self, robot: Robot) -> list[Judged]:
+        """Wait until all episodes are marked; fewer if the run is stopped.
+
+        Two checkpoints play each start in an order drawn by chance, which nobody is told.
+        """
+        candidates, order = self._settings.candidates, self._about.get("order") or [0]
+        if len(candidates) > 1:
+            for item in candidates[::-1]:  # both can be loaded, before the first episode
+                robot.use(item.path)
         self.context.log.info(
             "the model waits: begin an episode with `joshua episode`, key b, and mark it with s or f"
         )
-        while not self.context.stopping and len(marks.episodes) < wanted:
-            done = [episode.success for episode in list(marks.episodes.values())]
-            state = f"episode {len(done) + 1} runs" if marks.runs else f"waiting for episode {len(done) + 1}"
-            self.context.progress("evaluation", float(len(done)), float(wanted), unit="episodes")
-            self.context.show(f"{state}; {sum(done)} of {len(done)} succeeded")
-            time.sleep(0.1)
-        judged = Judged(self._settings.candidates[0].given, self._metrics)
-        for number in sorted(marks.episodes):
-            judged.add(marks.episodes[number])
-        return [judged]
+        total = self._settings.num_episodes * len(candidates)
+        counts = range(1, total + 1) if len(candidates) > 1 else (total,)
+        for count in counts:
+            if len(candidates) > 1:
+                self.context.show(f"prepares episode {count}")
+                robot.use(candidates[order[count - 1]].path)
+            if not robot.wait(count, partial(self._tell, robot), goal=total):
+                break
+        marked = robot.marks.episodes
+        judged = [Judged(item.given, self._metrics) for item in candidates]
+        for start in range(len(marked) // len(candidates)):
+            for number in range(start * len(candidates), (start + 1) * len(candidates)):
+                episode = replace(marked[number], seed=start + 1)
+                judged[order[number] if len(candidates) > 1 else 0].add(episode)
+        return judged
+
+    def _tell(self, robot: Robot, state: str) -> None:
+        done = [episode.success for episode in robot.marks.episodes]
+        start = f" of start {len(done) // 2 + 1}" if len(self._settings.candidates) > 1 else ""
+        self.context.show(f"{state}{start}; {sum(done)} of {len(done)} succeeded")
 
     def work(self) -> None:
         """Play the episodes, and write figures and report."""
-        is_on_robot = self._settings.is_on_robot
-        judged = self._marked() if is_on_robot else self._judged_somewhere()
+        robot = self._robot
+        judged = self._judged_somewhere() if robot is None else self._marked(robot)
         if not judged or not judged[0].episodes:
             return
         wanted = self._settings.num_episodes * len(self._settings.candidates)
         complete = sum(len(one.episodes) for one in judged) == wanted
-        clips, note = self._clips(judged) if complete and not is_on_robot else ([], "")
+        clips, note = self._shown(judged, robot) if robot else self._clips(judged) if complete else ([], "")
         if self.context.stopping and complete:
             note = "The run was stopped before all videos were made."
         self._write(judged, clips, note, complete)
@@ -148,6 +163,24 @@ class Evaluation(RunNode):
                 f"workers lost: {self._about['workers_lost']}; their episodes were played again"
             )
         return judged
+
+    def _shown(self, judged: Sequence[Judged], robot: Robot) -> tuple[list[report.Clip], str]:
+        """Return the films of the best and worst episodes on the robot; and why there are none, else ""."""
+        if not self._settings.videos:
+            return [], ""
+        if not robot.filmed:
+            return [], "No videos: no node of the file publishes pictures."
+        order, count = self._about.get("order") or [0] * len(robot.marks.films), len(judged)
+        clips = []
+        for which, one in enumerate(judged):
+            films = [film for film, by in zip(robot.marks.films, order, strict=False) if by == which]
+            for label, index in chosen(one.order, self._settings.videos):
+                if mp4 := films[index].develop():
+                    episode = one.episodes[index]
+                    done = "success" if episode.success else "no success"
+                    start = f"start {episode.seed}" if count > 1 else f"episode {episode.seed}"
+                    clips.append(report.Clip(mp4, f"{label} of {one.name}: {start}, {done}"))
+        return clips, "" if clips else "No videos: the camera published no picture during an episode."
 
     def _judged(self) -> list[Judged]:
         """Play all episodes with each checkpoint; fewer if the run is stopped."""
@@ -243,28 +276,23 @@ class Evaluation(RunNode):
         options = {**size, **player.options, "observation_mode": "both"}
         options["cameras"] = tuple(dict.fromkeys((*shown, camera)))
         arena = bout.arena(options)
-        order = judged.order
-        count = min(self._settings.videos, len(order))
-        best = order[:count]
-        worst = [index for index in order[-count:] if index not in best]
         clips = []
         try:
             player.load(arena)
-            for label, indices in (("best", best), ("worst", worst)):
-                for index in indices:
-                    pictures: list[Any] = []
-                    episode = judged.episodes[index]
-                    again = play(
-                        arena,
-                        player,
-                        episode.seed,
-                        lambda: self.context.stopping,
-                        lambda seen, into=pictures: into.append(seen[camera][0].copy()),  # type: ignore[misc]
-                    )
-                    caption = _caption(label, judged, index)
-                    if abs(again.rewards.sum() - episode.rewards.sum()) > 1e-6:
-                        caption += "; its replay differed"
-                    clips.append(report.Clip(as_mp4(pictures, 1 / arena.period_s), caption))
+            for label, index in chosen(judged.order, self._settings.videos):
+                pictures: list[Any] = []
+                episode = judged.episodes[index]
+                again = play(
+                    arena,
+                    player,
+                    episode.seed,
+                    lambda: self.context.stopping,
+                    lambda seen, into=pictures: into.append(seen[camera][0].copy()),  # type: ignore[misc]
+                )
+                caption = _caption(label, judged, index)
+                if abs(again.rewards.sum() - episode.rewards.sum()) > 1e-6:
+                    caption += "; its replay differed"
+                clips.append(report.Clip(as_mp4(pictures, 1 / arena.period_s), caption))
         finally:
             player.close()
             arena.close()
@@ -278,7 +306,7 @@ class Evaluation(RunNode):
         results = as_json(judged, {**self._about, "complete": complete}, intervals)
         folder = self.folder
         try:
-            folder.write(TABLE, as_csv(judged).encode())
+            folder.write(TABLE, as_csv(judged, rewarded=self._robot is None).encode())
             folder.write(REPORT, report.page(results, judged, clips, note).encode())
             folder.write_json(RESULTS, results)
         except RunError as error:
@@ -289,6 +317,21 @@ class Evaluation(RunNode):
         rates = " against ".join(f"{one.success_rate:.2f}" for one in judged)
         count = len(judged[0].episodes)
         return f"{count} episodes: success {rates}, {self.folder.path / REPORT}"
+
+
+def blind_order(starts: int, seed: int) -> list[int]:
+    """Return which of two checkpoints plays each episode: both play every start, in an order by chance."""
+    import numpy as np
+
+    first = np.random.default_rng(seed).integers(0, 2, starts)
+    return [int(which) for one in first for which in (one, 1 - one)]
+
+
+def chosen(order: Sequence[int], count: int) -> list[tuple[str, int]]:
+    """Return the labels and indices of the episodes that the report shows, the best first."""
+    best = order[:count]
+    worst = [index for index in order[-count:] if index not in best] if count else []
+    return [("best", index) for index in best] + [("worst", index) for index in worst]
 
 
 def _caption(label: str, judged: Judged, index: int) -> str:

@@ -41,7 +41,11 @@ def page(results: Mapping[str, Any], judged: Sequence[Judged], clips: Sequence[C
     span = f"seeds {seeds[0]} to {seeds[-1]}" if seeds else "no episode"
     varied = ", randomised physics" if results.get("randomise") else ""
     reward = results["reward_function"]
-    rules = f"{span}{varied}, reward {_text(reward)}" if reward else "marked by a person"
+    rules = (
+        f"{span}{varied}, reward {_text(reward)}"
+        if reward
+        else "marked by a person; a robot gives no reward, so there is no return"
+    )
     parts = [
         f"<h1>{_text(title)}</h1>",
         f"<p>{results['episodes']} episodes ({rules}), "
@@ -58,6 +62,9 @@ def page(results: Mapping[str, Any], judged: Sequence[Judged], clips: Sequence[C
     parts.append(_figures(results))
     if results.get("compared"):
         parts.append(_comparison(results))
+        if results.get("order"):
+            blind = "Both checkpoints played each start, in an order by chance that the person was not told."
+            parts.append(f"<p>{blind}</p>")
     if reward:
         parts.append("<h2>Return of each episode</h2>" + _strip(judged))
     parts.append("<h2>Length of the episodes</h2>" + _lengths(judged))

@@ -117,8 +117,8 @@ def _figures(judged: Judged, intervals: Intervals) -> dict[str, dict[str, Any]]:
     }
 
 
-def as_csv(judged: Sequence[Judged]) -> str:
-    """Return one row for each episode of each checkpoint."""
+def as_csv(judged: Sequence[Judged], *, rewarded: bool = True) -> str:
+    """Return one row for each episode of each checkpoint; ``rewarded``: the episodes have a return."""
     text = io.StringIO()
     names = [metric.name for metric in judged[0].metrics]
     terms = sorted({name for one in judged for episode in one.episodes for name in episode.reward_terms})
@@ -130,5 +130,6 @@ def as_csv(judged: Sequence[Judged]) -> str:
             row = (one.name, index, episode.seed, int(episode.success), int(episode.truncated), episode.steps)
             figures = (f"{one.values[name][index]:.9g}" for name in names)
             parts = (f"{episode.reward_terms.get(name, 0.0):.9g}" for name in terms)
-            writer.writerow((*row, f"{episode.rewards.sum():.9g}", *figures, *parts))
+            total = f"{episode.rewards.sum():.9g}" if rewarded else ""
+            writer.writerow((*row, total, *figures, *parts))
     return text.getvalue()

@@ -21,8 +21,7 @@ _OWN = "eval_config."
 
 #: Fields for simulated episodes only.
 _SIMULATED = (
-    *("compare_with", "seed", "videos", "camera", "randomise", "task", "strategy", "steps_per_chunk"),
-    *("inference_delay", "compute", "plugin_config"),
+    *("randomise", "task", "strategy", "steps_per_chunk", "inference_delay", "compute", "plugin_config"),
 )
 
 #: Metrics of episodes on a robot, which gives no reward.
@@ -113,7 +112,10 @@ class EvaluationSettings(RunSettings):
         if values.get("environment") == "ENV_REAL":  # a model of the file has loaded it
             plain = [item.get("told", item) for item in map(dict, raw)]
             kept = [{key: item[key] for key in ("field", "given")} for item in plain]
-            return {**values, "candidates": [{**item, "path": item["given"]} for item in kept[:1]]}
+            return {
+                **values,
+                "candidates": [{**item, "path": _place(own)} for item, own in zip(kept, plain, strict=True)],
+            }
         found = (_candidate(item["told"]) if "told" in item else item for item in map(dict, raw))
         return {**values, "candidates": [item for item in found if item is not None]}
 
@@ -157,7 +159,7 @@ class EvaluationSettings(RunSettings):
         for name in self.without_effect:
             raise FieldError(
                 f"{_OWN}{name}",
-                f"{name} has no effect on a robot: a model of ai.models runs there, one checkpoint at a time",
+                f"{name} has no effect on a robot, where a model of ai.models runs the weights",
                 remedy="Remove it; the block of the model in ai.models has execution, compute and task",
             )
         if "avg_return" in self.metrics:
@@ -168,6 +170,14 @@ class EvaluationSettings(RunSettings):
                 remedy="Remove avg_return; success_rate is the fraction of episodes marked as successful",
             )
         return self
+
+
+def _place(told: Mapping[str, Any]) -> str:
+    """Return the absolute path of weights, or their name on the hub."""
+    if "path" in told:
+        return str(told["path"])
+    place = Path(told["folder"]) / Path(told["given"]).expanduser()
+    return str(place) if place.exists() else str(told["given"])
 
 
 def _candidate(told: Mapping[str, Any]) -> dict[str, Any] | None:

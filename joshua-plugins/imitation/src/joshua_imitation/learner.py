@@ -131,6 +131,10 @@ class Learner:
         self._began_s += time.perf_counter() - before  # rates are those of learning
         return total / count
 
+    def paused(self, seconds: float) -> None:
+        """Leave a pause out of the rates."""
+        self._began_s += seconds
+
     def close(self) -> None:
         """End the threads."""
         if self._loader is not None:

@@ -25,6 +25,7 @@ class ImitationTrainer(LearningNode):
     SHOWN = (
         ("loss/train", "loss {:.4g}"),
         ("loss/validation", "validation {:.4g}"),
+        ("robot/success_rate", "robot {:.0%}"),
         ("rate/updates_per_s", "{:.3g} updates/s"),
         ("rate/loader_share", "loader {:.0%}"),
     )
@@ -32,7 +33,7 @@ class ImitationTrainer(LearningNode):
         *("num_epochs", "max_steps", "learning_rate", "backbone_learning_rate", "checkpoint_steps"),
         *("report_steps", "validation_steps", "validation_batches", "workers", "threads"),
         *("picture_cache_mb", "output_folder", "resume_run", "environment", "environment_id", "dataset"),
-        *("machine_rank", "main_address"),
+        *("machine_rank", "main_address", "robot_evaluation_steps", "robot_episodes", "robot_wait_s"),
     )
 
     def __init__(self, context: NodeContext) -> None:
@@ -43,6 +44,8 @@ class ImitationTrainer(LearningNode):
         self._group: Any = None
         self._crew: Any = None
         self._continued: Path | None = None
+        self._robot: Any = None
+        self._owes_round = False
 
     def configure(self) -> None:
         """Make or open the run, and make the policy."""
@@ -80,6 +83,11 @@ class ImitationTrainer(LearningNode):
         if continued is not None:
             self._learner.restore(continued)
             self.continue_after(continued)
+        if settings.is_on_robot:
+            from joshua_imitation.robot import RobotRounds
+
+            self._robot = RobotRounds(self.context, settings, self.folder)
+            self._owes_round = self._robot.is_due(self.steps)  # a stop has interrupted it
         self.context.log.info(
             "%s: training %d weights on %d frames of %d episodes; %d episodes are for validation",
             *(settings.policy_type, made.weights, made.frames, made.learned, made.kept_back),
@@ -112,7 +120,7 @@ class ImitationTrainer(LearningNode):
                 self._settings, self._group, self.folder.path, self._album.shared, self._continued
             )
             return self._joined()
-        return True
+        return self._robot is None or bool(self._robot.try_out(self.save()))
 
     def _joined(self) -> bool:
         """Wait for the other processes; return False if the run stops."""
@@ -151,11 +159,19 @@ class ImitationTrainer(LearningNode):
         """Make one update."""
         from joshua_imitation.group import PARTING_S, OthersError
 
+        row: Mapping[str, float] | None = None
         try:
-            row: Mapping[str, float] | None = self._learner.update()
+            if not self._owes_round:
+                row = self._learner.update()
         except OthersError as error:
             raise RunError(self._crew.failure(PARTING_S) or str(error)) from error
+        self._owes_round = False
         self.context.progress("training", float(self.steps), float(self.total), unit=self.UNIT)
+        if self._robot is not None and self._robot.is_due(self.steps):
+            began_s = time.perf_counter()
+            found = self._robot.play(self.steps, self.save())
+            self._learner.paused(time.perf_counter() - began_s)
+            row = {"steps": self.steps, **(row or {}), **found} if found else row
         return row
 
     def save(self) -> Path:

@@ -93,6 +93,9 @@ class ImitationSettings(RunSettings):
     machines: int = 1
     machine_rank: int = 0
     main_address: str = ""
+    robot_evaluation_steps: int = 1000
+    robot_episodes: int = 5
+    robot_wait_s: float = 600.0
 
     @classmethod
     def si_values(cls, values: Mapping[str, Any], node: Any, context: BlockContext) -> dict[str, Any]:
@@ -119,30 +122,45 @@ class ImitationSettings(RunSettings):
         return SAVE_S + 10.0
 
     @property
+    def is_on_robot(self) -> bool:
+        """Whether a person marks episodes on the robot from time to time."""
+        return self.environment == "ENV_REAL"
+
+    @property
     def loss(self) -> str:
         """Loss that the policy learns by."""
         return self.loss_function or LOSSES[self.policy_type][0]
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
-        found = [*self._policy_problems(), *self._group_problems(), *self._dataset_problems()]
-        if self.environment == "ENV_REAL":
-            found.insert(
-                0,
-                FieldError(
-                    "environment",
-                    "Imitation learns from recorded episodes and moves no robot: its updates would delay the "
-                    "control of a robot on the same machine, and a person has to mark each episode",
-                    allowed=("ENV_SIMULATION",),
-                    remedy="write ENV_SIMULATION, and evaluate checkpoints on the robot with METHOD_EVAL and "
-                    "ENV_REAL in a file of its own, during the training or after it",
-                ),
-            )
+        found = [
+            *self._robot_problems(),
+            *self._policy_problems(),
+            *self._group_problems(),
+            *self._dataset_problems(),
+        ]
         if len(found) == 1:
             raise found[0]
         if found:
             raise FieldErrors(found)
         return self
+
+    def _robot_problems(self) -> Iterator[FieldError]:
+        """Yield what evaluations on the robot exclude, and what belongs to them alone."""
+        for name in ("robot_evaluation_steps", "robot_episodes", "robot_wait_s"):
+            if not self.is_on_robot and getattr(self, name) != type(self).model_fields[name].default:
+                yield _error(
+                    name,
+                    f"{name} has no effect: it belongs to evaluations on the robot (ENV_REAL)",
+                    remedy="remove it, or write environment: ENV_REAL in training",
+                )
+        if self.is_on_robot and self.processes * self.machines > 1:
+            name = "processes" if self.processes > 1 else "machines"
+            yield _error(
+                name,
+                "With ENV_REAL one process learns, because learning pauses while the robot is evaluated",
+                remedy=f"remove {name}, or write environment: ENV_SIMULATION in training",
+            )
 
     def _policy_problems(self) -> Iterator[FieldError]:
         policy = self.policy_type

@@ -86,6 +86,13 @@ class EpisodeEnd:
     success: bool
 
 
+@dataclass(frozen=True)
+class Weights:
+    """Folder or file of weights."""
+
+    path: str
+
+
 class InferenceNode(NodeBehaviour):
     """The standard behaviour of models.
 
@@ -111,6 +118,7 @@ class InferenceNode(NodeBehaviour):
         self._commands = Commands()
         self._received: list[TrafficFigures] = []
         self._runs = self._resets = False
+        self._weights = ""  # those of the file
         self._failed = facts.restarted
         self._taken_over: set[str] = set()
         self._waits_for = ""
@@ -146,8 +154,9 @@ class InferenceNode(NodeBehaviour):
                     load_decoder()
                 except MessageError as error:
                     raise ModelError(f"{spec.full_name}: {error}") from error
-        with threads_stand_back():
-            self._model = self._loaded()
+        if not self._facts.awaits_weights:
+            with threads_stand_back():
+                self._model = self._loaded()
         publishers = [self.context.publisher(topic) for topic in spec.publishers]
         self._commands = Commands(publishers, self._rate_hz, self._facts.arms)
         self._commands.use(self._joints.names)
@@ -172,6 +181,27 @@ class InferenceNode(NodeBehaviour):
         name = self.context.spec.full_name
         if self._model is not None:
             raise RefusedError(f"{name} has already loaded its model: unload it first")
+        self._load()
+        return f"{name}: the model is loaded"
+
+    @verb(moves=True, runs="beside")
+    def use_weights(self, request: Weights) -> str:
+        """Load other weights for an evaluation; the arm holds until an episode begins."""
+        name = self.context.spec.full_name
+        if not self._facts.is_judged:
+            raise RefusedError(f"{name} keeps the weights of its file: only an evaluation replaces them")
+        self._loop.pause()
+        with self._acting:  # the model has finished its present computation
+            model, self._model = self._model, None
+            self._loop.clear(output=True)
+        if model is not None:
+            model.close()
+        self._weights = request.path
+        self._load()
+        return f"{name}: the weights are loaded; the arm holds until an episode begins"
+
+    def _load(self) -> None:
+        name = self.context.spec.full_name
         try:
             with threads_stand_back():
                 model = self._loaded()
@@ -183,7 +213,6 @@ class InferenceNode(NodeBehaviour):
             raise RefusedError(f"{name} stops")
         self.context.show("")
         self._model = model
-        return f"{name}: the model is loaded"
 
     @verb(moves=False, runs="beside")
     def unload(self) -> str:
@@ -238,6 +267,10 @@ class InferenceNode(NodeBehaviour):
     @verb(moves=True)
     def begin_episode(self) -> str:
         """Begin an episode: the model forgets its history, and acts."""
+        if self._model is None and self._facts.is_judged:
+            raise RefusedError(
+                f"{self.context.spec.full_name} has no weights: wait until its run asks for an episode"
+            )
         self._resets, self._failed = True, False
         self._took_s.clear()
         self._report("begin", self._loop.figures().episodes + 1)
@@ -351,6 +384,8 @@ class InferenceNode(NodeBehaviour):
         for variable in _THREADS:
             os.environ[variable] = str(compute.threads or os.cpu_count())
         implementation, settings = load_implementation(self.context.spec, Model)
+        if self._weights and settings is not None:
+            settings = settings.model_copy(update={"weights": self._weights})
         model: Model = implementation(settings, self._joints, self._features)
         try:
             model.load()

@@ -118,7 +118,9 @@ def _model(context: Context, entry: NodeEntry) -> Iterator[Diagnostic]:
             yield _unused(context, f"{path}.{field.name}", fits[0], f"{path}.model_type")
     weights = "pretrained_model_name_or_path"
     needs = value_rule(pb.ModelType.DESCRIPTOR, model.model_type).weights == WEIGHTS_NEEDED
-    if needs and not model.pretrained_model_name_or_path:
+    training = context.config.ai.training
+    trained = training.environment == pb.ENV_REAL and training.method == pb.METHOD_IMITATION
+    if needs and not model.pretrained_model_name_or_path and not trained:
         yield context.error(
             "weights-missing",
             f"{chosen} has no weights: an untrained model would move the robot at random",
