@@ -33,16 +33,19 @@ def find_model(word: str, config: str) -> tuple[RunningSystem, str]:
     systems = [RunningSystem.find(config)] if config else RunningSystem.all()
     if not systems:
         raise CallError("unreachable", "no system is running. Start one: joshua --config FILE")
-    models = [
-        (system, name)
-        for system in systems
-        for name in system.info.nodes
-        if {"task", "unload"} <= {verb.name for verb in system.verbs(name)}
-    ]
+    models, starting = [], None
+    for system, name in [(one, name) for one in systems for name in one.info.nodes]:
+        try:
+            if {"task", "unload"} <= {verb.name for verb in system.verbs(name)}:
+                models.append((system, name))
+        except CallError as error:  # an arm that restarts must not keep a person from ending an episode
+            starting = error
     names = [name for _, name in models]
     found = [(system, name) for system, name in models if not word or is_named(name, word)]
     if len(found) == 1:
         return found[0]
+    if not models and starting is not None:
+        raise starting
     if not models:
         raise CallError("unknown-node", "no running system has a model; the mode is MODE_INFERENCE")
     problem = f"no model is named {word!r}" if word and not found else "several models run: give --node NODE"
