@@ -435,6 +435,7 @@ def test_its_verbs_say_what_moves(model: Any) -> None:
         "resume": (True, "loop"),
         "step": (True, "loop"),
         "task": (False, "loop"),
+        "use_weights": (True, "beside"),
         "unload": (False, "beside"),
     }
     end(context, node)
