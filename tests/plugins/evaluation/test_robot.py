@@ -20,8 +20,9 @@ from joshua.planner.request import Purpose, Request
 from joshua.testing.domain import reserved_domain
 from joshua.testing.program import JoshuaProgram
 from joshua_evaluation.node import blind_order
-from joshua_evaluation.robot import Marks
+from joshua_evaluation.robot import Marks, Robot, UnansweredError
 from joshua_evaluation.videos import Film
+from joshua_training.run_folder import RunError
 
 ROBOT = """
 general {{ mode: MODE_TRAINING robot_type: "SO-ARM100" name: "judge" id: "judge-robot" }}
@@ -217,3 +218,32 @@ def test_a_film_of_any_length_needs_little_memory_and_lasts_as_long_as_the_episo
         assert stream.time_base is not None
         assert float(stream.duration * stream.time_base) == pytest.approx(600, rel=0.02)
     assert Film().develop() == b""
+
+
+def robot(*models: str) -> Robot:
+    names = [f"{name}/episode" for name in models]
+    topics = [TopicSpec(name=name, type_name="diagnostic_msgs/msg/DiagnosticStatus") for name in names]
+    spec = SimpleNamespace(subscriptions=topics, full_name="/nobody_runs_this")
+    context: Any = SimpleNamespace(
+        spec=spec, stopping=False, subscribe=lambda *_: None, progress=lambda *_, **__: None
+    )
+    return Robot(context)
+
+
+def test_weights_are_for_one_model_of_this_run() -> None:
+    with pytest.raises(RunError, match="/left and /right would get the same weights: keep one model"):
+        robot("/left", "/right").use("policy-7")
+    with pytest.raises(RunError, match="this run is not among those of this user"):
+        robot("/policy").use("policy-7")
+
+
+def test_a_person_who_does_not_answer_is_not_waited_for() -> None:
+    idle = robot("/policy")
+    with pytest.raises(UnansweredError, match=r"nobody began episode 1 within 0\.1 s"):
+        idle.wait(1, lambda state: None, patience_s=0.1)
+    report(idle.marks, "begin", 1)
+    with pytest.raises(UnansweredError, match=r"nobody marked episode 1 within 0\.1 s"):
+        idle.wait(1, lambda state: None, patience_s=0.1)
+    idle.marks.restart()
+    report(idle.marks, "success", 1)  # of an episode that the training has given up
+    assert idle.marks.episodes == []

@@ -23,7 +23,7 @@ from joshua.node.verbs import RefusedError, verbs_of
 from joshua.plan import JointRange, ModelNeeds, NodeKind, NodeSpec, TopicSpec
 from joshua.schema import config_pb2
 from joshua.testing.recording_context import RecordingContext
-from joshua_inference.node import EpisodeEnd, InferenceNode, TaskRequest
+from joshua_inference.node import EpisodeEnd, InferenceNode, TaskRequest, Weights
 from joshua_inference.random_noise_settings import RandomNoiseSettings
 
 JOINTS = [JointRange("a", -1.0, 1.0), JointRange("b", -0.1, 0.1)]
@@ -438,6 +438,8 @@ def test_its_verbs_say_what_moves(model: Any) -> None:
         "use_weights": (True, "beside"),
         "unload": (False, "beside"),
     }
+    with pytest.raises(RefusedError, match="only an evaluation replaces them"):
+        node.use_weights(Weights("elsewhere"))
     end(context, node)
 
 
