@@ -39,6 +39,9 @@ LOOPBACK_ONLY = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"
 #: Memory for shared objects of a cluster of this machine, in bytes.
 LOCAL_STORE = 128 * 1024 * 1024
 
+#: Token of clusters of this machine that this process starts; Ray reads it once in a process.
+_LOCAL_TOKEN = secrets.token_hex(32)
+
 
 class Cluster(Executor):
     """The workers of a Ray cluster.
@@ -290,7 +293,7 @@ class _RayCrew(Crew):
 def _local() -> Any:
     """Start a cluster of this machine, on the loopback, with a token that only its processes know."""
     os.environ["RAY_AUTH_MODE"] = "token"
-    os.environ["RAY_AUTH_TOKEN"] = secrets.token_hex(32)
+    os.environ["RAY_AUTH_TOKEN"] = _LOCAL_TOKEN
     module = _imported(on_loopback=True)
     _init(
         module,
