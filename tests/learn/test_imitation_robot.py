@@ -173,6 +173,8 @@ def test_learning_pauses_for_episodes_that_a_person_marks(training: Training) ->
     said = training.ended()
     assert "update 4 has no evaluation on the robot: nobody began episode 1 within 2 s." in said
     assert "the next evaluation is after update 6" in said
+    assert "update 6 has no evaluation on the robot" in said
+    assert "Evaluate the last checkpoint with METHOD_EVAL" in said
     assert "6 updates learned" in said
     assert training.rows()[2]["robot/inference_latency"] > 0
 

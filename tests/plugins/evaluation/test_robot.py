@@ -122,6 +122,7 @@ def test_marked_episodes_of_an_emulated_arm_become_a_report(joshua: JoshuaProgra
     assert [row["success"] for row in rows] == ["0", "1"]
     page = (folder / "report.html").read_text()
     assert [row["return"] for row in rows] == ["", ""]
+    assert "<h1>Evaluation on the robot</h1>" in page
     assert "2 episodes (marked by a person; a robot gives no reward, so there is no return)" in page
     assert "Return of each episode" not in page
     assert "No videos: no node of the file publishes pictures." in page

@@ -36,11 +36,11 @@ def page(results: Mapping[str, Any], judged: Sequence[Judged], clips: Sequence[C
         results: content of ``results.json``; clips: the best episodes first; note: what is missing, "" for
             nothing.
     """
-    title = f"Evaluation in {results['environment']}"
+    reward = results["reward_function"]
+    title = f"Evaluation {'in' if reward else 'on'} {results['environment']}"
     seeds = results["seeds"]
     span = f"seeds {seeds[0]} to {seeds[-1]}" if seeds else "no episode"
     varied = ", randomised physics" if results.get("randomise") else ""
-    reward = results["reward_function"]
     rules = (
         f"{span}{varied}, reward {_text(reward)}"
         if reward

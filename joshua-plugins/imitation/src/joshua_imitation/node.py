@@ -169,7 +169,7 @@ class ImitationTrainer(LearningNode):
         self.context.progress("training", float(self.steps), float(self.total), unit=self.UNIT)
         if self._robot is not None and self._robot.is_due(self.steps):
             began_s = time.perf_counter()
-            found = self._robot.play(self.steps, self.save())
+            found = self._robot.play(self.steps, self.save(), self.total)
             self._learner.paused(time.perf_counter() - began_s)
             row = {"steps": self.steps, **(row or {}), **found} if found else row
         return row

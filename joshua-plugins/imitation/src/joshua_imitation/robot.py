@@ -49,8 +49,11 @@ class RobotRounds:
             ) from error
         return not self._context.stopping
 
-    def play(self, steps: int, checkpoint: Path) -> dict[str, float]:
+    def play(self, steps: int, checkpoint: Path, last: int) -> dict[str, float]:
         """Play the episodes of a round.
+
+        Args:
+            steps: updates so far; last: of the training.
 
         Returns:
             Metrics; none if the run stops or the round did not take place, which is logged.
@@ -77,10 +80,13 @@ class RobotRounds:
         episodes = list(robot.marks.episodes)
         context.show("")
         if len(episodes) < wanted:
-            context.warn(
-                f"update {steps} has no evaluation on the robot: {failure}. Learning goes on; the next "
-                f"evaluation is after update {steps + self._settings.robot_evaluation_steps}"
+            later = steps + self._settings.robot_evaluation_steps
+            then = (
+                f"Learning goes on; the next evaluation is after update {later}"
+                if later <= last
+                else "Evaluate the last checkpoint with METHOD_EVAL"
             )
+            context.warn(f"update {steps} has no evaluation on the robot: {failure}. {then}")
             return {}
         found = {
             f"{PREFIX}{name}": sum(measured(BUILT_IN[name], one) for one in episodes) / wanted
