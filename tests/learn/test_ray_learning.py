@@ -69,7 +69,7 @@ def evaluated(
     folder.mkdir()
     policy = write_policy(folder / "policy")
     path = write_evaluation(
-        folder, policy, "videos: 0", episodes=30, environment=f'environment_id: "{REACH}" {block}'
+        folder, policy, "videos: 0", episodes=300, environment=f'environment_id: "{REACH}" {block}'
     )
     context = context_of(path)
     ended(context, Evaluation(context), meanwhile)
