@@ -137,6 +137,7 @@ def mjx(session: nox.Session) -> None:
     """The simulation's models and PPO on JAX, which is too heavy for every run of the tests.
 
     ``-- bench`` prints how fast PPO is beside brax's on the same model, ``-- gpu`` the same on an NVIDIA GPU.
+    ``-- soak`` kills trainings at random moments and compares what they become when they are continued.
     """
     needed = ("pytest", "pytest-timeout", "hypothesis", "mujoco-mjx", "jax", "safetensors", "tensorboard")
     install(
@@ -145,6 +146,11 @@ def mjx(session: nox.Session) -> None:
     if session.posargs[:1] in (["bench"], ["gpu"]):
         session.install("brax", *(["jax[cuda12]"] if session.posargs[0] == "gpu" else []))
         session.run("python", "tests/plugins/mjx_trainer/bench_mjx.py", *session.posargs[1:])
+        return
+    if session.posargs[:1] == ["soak"]:
+        environment = {"PYTHONPATH": str(ROOT / "tests" / "support")}
+        script = "tests/plugins/mjx_trainer/soak_mjx.py"
+        session.run("python", script, *session.posargs[1:], env=environment)
         return
     session.run(
         "pytest",

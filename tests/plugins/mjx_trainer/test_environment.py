@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import signal
-import subprocess
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -23,13 +22,13 @@ from joshua_mujoco_sim.envs.single import make_task
 from joshua_ppo_trainer.acting import PpoModel
 from joshua_ppo_trainer.acting_settings import PpoPolicySettings
 from joshua_ppo_trainer.policy import Policy
+from killed_trainings import curve, killed_while_learning, newest_checkpoint, same
+from mjx_trainings import start
 
 jax = pytest.importorskip("jax", reason="needs JAX: run ./test -s mjx")
 jnp = pytest.importorskip("jax.numpy")
 
 from joshua_mjx_trainer.environment import MjxEnvironments, variant_of  # noqa: E402
-
-PRESET = Path(__file__).resolve().parents[3] / "configs" / "training_rl_mjx.pbtxt"
 
 
 @pytest.fixture(autouse=True)
@@ -142,62 +141,43 @@ def test_episodes_end_and_start_again_and_a_diverged_one_leaves_no_trace() -> No
     assert (np.asarray(carry["mocap_pos"][:, 0]) != goals).any(axis=1).all()
 
 
-def start(folder: Path, domain: int, *more: str, platform: str = "cpu") -> subprocess.Popen[str]:
-    """The preset, as small as a processor can train it; what is compiled is kept beside the runs."""
-    small = {"num_envs": 8, "total_timesteps": 320, "n_steps": 4, "batch_size": 16, "checkpoint_steps": 32}
-    fields = [f"{name}={value}" for name, value in small.items()] + [f'output_folder="{folder}"', *more]
-    changes = [word for field in fields for word in ("--set", f"ai.training.rl_config.{field}")]
-    jax_settings = {
-        "JAX_PLATFORMS": platform,
-        "JAX_COMPILATION_CACHE_DIR": str(folder.parent / "compiled"),
-        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
-    }
-    return subprocess.Popen(
-        [sys.executable, "-m", "joshua.cli.main", "--config", str(PRESET), *changes],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-        env=os.environ | {"ROS_DOMAIN_ID": str(domain)} | jax_settings,
-    )
-
-
-def curve(run: Path) -> list[dict[str, float]]:
-    found = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
-    return [{key: value for key, value in row.items() if not key.startswith("rate/")} for row in found]
-
-
-def test_the_preset_trains_ends_with_a_picture_and_goes_on_after_ctrl_c(tmp_path: Path) -> None:
+def test_the_preset_trains_ends_with_a_picture_and_goes_on_after_ctrl_c_and_sigkill(tmp_path: Path) -> None:
+    """Stopped after a checkpoint, and killed while it learns on, a run becomes what a whole one does."""
+    generator = random.Random()
     with reserved_domain() as domain:
         whole = start(tmp_path / "whole", domain)
         said, _ = whole.communicate(timeout=400)
         assert whole.returncode == 0, said
         stopped = start(tmp_path / "stopped", domain)
         deadline = time.monotonic() + 300
-        while time.monotonic() < deadline and not list(tmp_path.glob("stopped/*/checkpoints/step_*")):
+        while time.monotonic() < deadline and not newest_checkpoint(tmp_path / "stopped"):
             time.sleep(0.02)
         os.kill(stopped.pid, signal.SIGINT)
         ending, _ = stopped.communicate(timeout=60)
         assert "SIGKILL" not in ending
         (run,) = (tmp_path / "stopped").iterdir()
         assert curve(run)[-1]["steps"] == int(max((run / "checkpoints").iterdir()).name[5:])
-        resumed = start(tmp_path / "stopped", domain, f'resume_run="{run}"')
+        own = f'resume_run="{run}"'
+        killed = start(tmp_path / "stopped", domain, own)
+        assert killed_while_learning(killed, tmp_path / "stopped", generator, 0.2), "ended before the kill"
+        assert killed.returncode == -signal.SIGKILL
+        resumed = start(tmp_path / "stopped", domain, own)
         again, _ = resumed.communicate(timeout=400)
     assert resumed.returncode == 0, again
     assert "continuing after" in again
     assert "JAX found no accelerator" in said
-    assert "320 steps learned" in said
+    assert "640 steps learned" in said
+    assert [path.name for path in (tmp_path / "stopped").iterdir()] == [run.name]
     (other,) = (tmp_path / "whole").iterdir()
     assert (other / "curves.svg").read_text().startswith("<svg")
     assert curve(run) == curve(other)
-    last = [max((path / "checkpoints").iterdir()) for path in (run, other)]
-    for name in ("policy.safetensors", "training.safetensors", "state.json", "policy.json"):
-        assert (last[0] / name).read_bytes() == (last[1] / name).read_bytes(), name
+    assert same(run, other)
+    last = max((run / "checkpoints").iterdir())
     facts = json.loads((run / "run.json").read_text())
     assert {"joshua-mjx-trainer", "jax", "mujoco-mjx"} <= set(facts["versions"])
     environment = make_environment("joshua/SoArm100Reach-v0")
     observation, _ = environment.reset(seed=0)
-    action = Policy.load(last[0]).act(observation[None])[0]
+    action = Policy.load(last).act(observation[None])[0]
     assert environment.action_space.contains(action)
     names = tuple(environment.unwrapped.features[STATE].names)
     joints = JointSpace(names, np.full(6, -3.0), np.full(6, 3.0))
