@@ -79,7 +79,7 @@ def test_a_model_is_unloaded_and_loaded_and_the_arm_holds_meanwhile(
     assert (typo.returncode, typo.stderr) == (
         2,
         "joshua call: /random_noise has no verb 'laod'\n  allowed: load, unload, begin_episode, "
-        "end_episode, figures, pause, resume, step, task\n",
+        "end_episode, figures, pause, resume, step, task, use_weights\n",
     )
     other = here(joshua, "call", "random_nose", "load")
     assert other.returncode == 2
