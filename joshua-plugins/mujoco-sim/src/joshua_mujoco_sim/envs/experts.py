@@ -39,8 +39,8 @@ BASE_Y_M = -0.045
 
 _UP = np.array([0.0, 0.0, 1.0])
 
-#: Recoveries: heights of the grip at the start, above the table.
-START_LOW_M, START_HIGH_M = 0.05, 0.16
+#: Recoveries: heights of the grip at the start, above the table, and its least distance from the cube.
+START_LOW_M, START_HIGH_M, START_CLEAR_M = 0.015, 0.16, 0.05
 
 
 class Expert(Protocol):
@@ -285,8 +285,12 @@ class PickPlaceExpert(_ArmExpert):
         anywhere = super()._start(chance)
         if chance.random() > 0.7:
             return anywhere
-        beside: FloatArray = self._state.site("cube")[0] + chance.uniform(-0.05, 0.05, 3)
-        beside[2] = anywhere[2]
+        cube = self._state.site("cube")[0]
+        way = np.append(chance.uniform(-0.05, 0.05, 2), chance.triangular(0.0, 0.0, START_HIGH_M))
+        way[2] += START_LOW_M - arm.HALF_CUBE_M
+        # low ones beside the cube, where a policy ends that has misjudged its place
+        way[:2] *= max(1.0, START_CLEAR_M / float(np.linalg.norm(way)))
+        beside: FloatArray = cube + way
         return beside
 
     @staticmethod
