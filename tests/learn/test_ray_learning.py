@@ -20,7 +20,6 @@ from joshua_ppo_trainer.node import PpoTrainer
 from joshua_training.run_folder import RunError
 from ray_nodes import Cluster as Nodes
 from ray_nodes import add_worker, started
-from safetensors.numpy import load_file
 from trained_policies import write_policy
 from trainings import write_training
 
@@ -92,8 +91,12 @@ def trained(
     folder.mkdir()
     context = context_of(write_training(folder, block, **fields))
     ended(context, PpoTrainer(context), meanwhile)
-    (file,) = folder.glob("runs/*/metrics.jsonl")
-    rows = [json.loads(line) for line in file.read_text().splitlines()]
+    (run,) = (folder / "runs").iterdir()
+    return rows_of(run)
+
+
+def rows_of(run: Path) -> list[dict[str, Any]]:
+    rows = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
     return [{name: value for name, value in row.items() if not name.startswith("rate/")} for row in rows]
 
 
@@ -127,30 +130,32 @@ def test_an_evaluation_plays_the_same_episodes_on_a_cluster_that_loses_a_node(
     assert context.warnings == [f"workers lost: {lost}; their episodes were played again"]
 
 
-def test_ppo_gives_the_same_numbers_again_and_survives_a_killed_node(nodes: Nodes, tmp_path: Path) -> None:
+def test_ppo_gives_the_same_result_after_a_killed_node_and_after_an_interruption(
+    nodes: Nodes, tmp_path: Path
+) -> None:
+    def last_checkpoint(name: str) -> dict[str, bytes]:
+        (folder,) = (tmp_path / name).glob("runs/*/checkpoints/step_000000000480")
+        files = {file.name: file.read_bytes() for file in folder.iterdir()}
+        assert {"policy.safetensors", "training.safetensors", "state.json"} <= files.keys()
+        return files
+
     first = trained(tmp_path / "first", cluster(nodes))
-    second = trained(tmp_path / "second", cluster(nodes))
-    assert first == second
     assert [row["steps"] for row in first] == list(range(48, 481, 48))
     assert first[-1]["workers_lost"] == 0
     assert first[-1]["episodes"] > 0
-    (run,) = (tmp_path / "first/runs").iterdir()
-    assert load_file(run / "checkpoints/step_000000000480/policy.safetensors")
     survived = trained(tmp_path / "survived", cluster(nodes), killing(nodes))
-    assert survived[-1]["steps"] == 480
-    assert survived[-1]["workers_lost"] == 1
-    # what the workers collected with a checkpoint of theirs cannot be continued without them
-    folder = tmp_path / "here"
-    with pytest.raises(RunError, match="they were in the workers of a cluster: continue with a cluster"):
-        trained(folder, resume_run=f'"{run}"', total_timesteps=960)
-
-
-def test_ppo_continues_on_a_cluster(nodes: Nodes, tmp_path: Path) -> None:
-    trained(tmp_path / "first", cluster(nodes))
-    (run,) = (tmp_path / "first/runs").iterdir()
-    (tmp_path / "second").mkdir()
-    path = write_training(tmp_path / "second", cluster(nodes), resume_run=f'"{run}"', total_timesteps=576)
-    context = context_of(path)
+    assert survived[-1].pop("workers_lost") == 1
+    assert survived[-1] == {name: value for name, value in first[-1].items() if name != "workers_lost"}
+    assert last_checkpoint("survived") == last_checkpoint("first")
+    add_worker(nodes)
+    trained(tmp_path / "halves", cluster(nodes), total_timesteps=240)
+    (run,) = (tmp_path / "halves/runs").iterdir()
+    context = context_of(write_training(tmp_path / "halves", cluster(nodes), resume_run=f'"{run}"'))
     ended(context, PpoTrainer(context))
-    rows = [json.loads(line)["steps"] for line in (run / "metrics.jsonl").read_text().splitlines()]
-    assert rows == list(range(48, 577, 48))
+    assert rows_of(run) == first
+    assert last_checkpoint("halves") == last_checkpoint("first")
+    assert context.warnings == []
+    # what the workers collected cannot be continued without them
+    folder = tmp_path / "here"
+    with pytest.raises(RunError, match="were in the workers of a cluster: continue with a cluster"):
+        trained(folder, resume_run=f'"{run}"', total_timesteps=960)

@@ -41,7 +41,11 @@ class Crew(ABC):
 
     @abstractmethod
     def each(
-        self, method: str, arguments: Sequence[tuple[Any, ...]], stopping: Callable[[], bool] = never
+        self,
+        method: str,
+        arguments: Sequence[tuple[Any, ...]],
+        stopping: Callable[[], bool] = never,
+        again: Sequence[tuple[Any, ...]] | None = None,
     ) -> list[Any]:
         """Call a method of every object at once; return the results in the order of the objects.
 
@@ -49,6 +53,7 @@ class Crew(ABC):
 
         Args:
             arguments: one tuple for each object; stopping: asked while waiting.
+            again: what an object is called with after it was made again; None for the same arguments.
 
         Raises:
             Stopped: ``stopping`` returned True. JobError: no worker is left.

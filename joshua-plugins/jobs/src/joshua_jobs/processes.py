@@ -104,7 +104,11 @@ class _Here(Crew):
         self._members = members
 
     def each(
-        self, method: str, arguments: Sequence[tuple[Any, ...]], stopping: Callable[[], bool] = never
+        self,
+        method: str,
+        arguments: Sequence[tuple[Any, ...]],
+        stopping: Callable[[], bool] = never,
+        again: Sequence[tuple[Any, ...]] | None = None,
     ) -> list[Any]:
         """See ``Crew``."""
         found = []

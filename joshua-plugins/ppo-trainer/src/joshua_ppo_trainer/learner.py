@@ -19,7 +19,7 @@ from joshua_ppo_trainer import checkpoint
 from joshua_ppo_trainer.files import DivergedError as DivergedError
 from joshua_ppo_trainer.normalise import Normaliser
 from joshua_ppo_trainer.settings import TrainerSettings
-from joshua_ppo_trainer.spread import SpreadEnvironment, SpreadVecEnv
+from joshua_ppo_trainer.spread import SIZES, SpreadEnvironment, SpreadVecEnv
 from joshua_ppo_trainer.vec_env import BatchedVecEnv
 
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
@@ -141,14 +141,8 @@ class Learner:
         Raises:
             DivergedError: a loss is not a number; the state is that from before the iteration.
         """
-        model, settings = self._model, self._settings
-        if not self._started:
-            _, self._callback = model._setup_learn(
-                settings.total_timesteps, self._watch, reset_num_timesteps=self._iterations == 0
-            )
-            self._started = True
-            if self._snapshot is None:
-                self._snapshot = self._take()
+        model = self._model
+        self._start()
         begun_s, before = time.perf_counter(), model.num_timesteps
         model.policy.set_training_mode(False)
         try:
@@ -170,6 +164,16 @@ class Learner:
         rate = (model.num_timesteps - before) / max(time.perf_counter() - begun_s, 1e-9)
         return self.metrics() | {"rate/steps_per_s": rate} | values
 
+    def _start(self) -> None:
+        """Start the episodes before the first iteration, unless a snapshot was restored."""
+        if not self._started:
+            _, self._callback = self._model._setup_learn(
+                self._settings.total_timesteps, self._watch, reset_num_timesteps=self._iterations == 0
+            )
+            self._started = True
+            if self._snapshot is None:
+                self._snapshot = self._take()
+
     def _diverged(self, what: str) -> DivergedError:
         return DivergedError(
             f"{what} is not a number after {self.steps} steps: lower learning_rate, or raise batch_size; "
@@ -178,6 +182,7 @@ class Learner:
 
     def snapshot(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         """Return weights, further arrays of the training and the state, after the last complete iteration."""
+        self._start()
         return self._snapshot or self._take()
 
     def last_batch(self) -> dict[str, Any]:
@@ -204,10 +209,10 @@ class Learner:
         prefix = "environment."
         try:
             own = {name[len(prefix) :]: v for name, v in training.items() if name.startswith(prefix)}
-            if not own and not isinstance(self._environment, SpreadEnvironment):
+            if (not own or SIZES in own) and not isinstance(self._environment, SpreadEnvironment):
                 raise RunError(
-                    "the checkpoint has no environments, because they were in the workers of a cluster: "
-                    "continue with a cluster"
+                    "the environments of the checkpoint were in the workers of a cluster: continue with a "
+                    "cluster"
                 )
             self._environment.restore(own)
         except ValueError as error:

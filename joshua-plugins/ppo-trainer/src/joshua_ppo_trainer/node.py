@@ -199,7 +199,7 @@ class PpoTrainer(RlTrainer):
             observations=bool(settings.normalize_observations),
         )
         self.context.log.info("%d workers of the cluster %s collect", len(parts), settings.cluster)
-        return SpreadEnvironment(local, executor, parts)
+        return SpreadEnvironment(local, executor, parts, self.context.warn)
 
     def advance(self) -> Mapping[str, float] | None:
         """Collect and update once; workers that were lost are counted."""

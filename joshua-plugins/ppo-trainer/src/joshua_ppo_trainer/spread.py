@@ -19,6 +19,12 @@ from joshua_ppo_trainer import checkpoint
 from joshua_ppo_trainer.normalise import Normaliser
 from joshua_ppo_trainer.vec_env import BatchedVecEnv
 
+#: Number of environments of each worker, in a snapshot.
+SIZES = "workers"
+
+#: Prefix of what a worker keeps beside its environments, in a snapshot.
+_OWN = "worker."
+
 
 @dataclass(frozen=True)
 class Share:
@@ -50,6 +56,7 @@ class Part:
         bootstraps: discounted values of the observations at which episodes were cut off, else 0.
         starts, over: whether an episode began before, and ended with the step.
         last_values: of the observations after the last step; episodes: (return, length, success).
+        state: of the worker after the last step, by name.
     """
 
     observations: Any
@@ -63,6 +70,7 @@ class Part:
     over: Any
     last_values: Any
     episodes: list[tuple[float, int, bool]]
+    state: dict[str, Any]
 
 
 class Collector:
@@ -90,12 +98,21 @@ class Collector:
         self._starts = np.ones(share.count, bool)
         self._returns, self._lengths = np.zeros(share.count), np.zeros(share.count, np.int64)
 
-    def collect(self, sent: tuple[dict[str, Any], dict[str, Any]], steps: int, seed: int) -> Part:
+    def collect(
+        self,
+        sent: tuple[dict[str, Any], dict[str, Any]],
+        steps: int,
+        seed: int,
+        state: dict[str, Any] | None = None,
+    ) -> Part:
         """Collect a rollout.
 
         Args:
             sent: weights of the policy, and moments of the observations; seed: of the actions.
+            state: of a ``Part`` after which to continue; None to continue after the last rollout.
         """
+        if state is not None:
+            self._restore(state)
         weights, moments = sent
         checkpoint.load_weights(self._policy, weights)
         self._normaliser.load(moments)
@@ -133,7 +150,26 @@ class Collector:
             self._observations, self._starts = np.array(step.observations), over
         arrays = {name: np.stack(values) for name, values in rows.items()}
         last = self._value(self._observations)
-        return Part(after=self._observations, last_values=last, episodes=episodes, **arrays)
+        return Part(
+            after=self._observations, last_values=last, episodes=episodes, state=self._state(), **arrays
+        )
+
+    def _state(self) -> dict[str, Any]:
+        """Return all that the next rollout depends on, beside what the learner sends."""
+        own = {
+            "observations": self._observations,
+            "starts": self._starts,
+            "returns": self._returns,
+            "lengths": self._lengths,
+        }
+        found: dict[str, Any] = self._environment.snapshot()
+        return found | {f"{_OWN}{name}": np.array(values) for name, values in own.items()}
+
+    def _restore(self, state: dict[str, Any]) -> None:
+        self._environment.restore(state)
+        self._observations, self._starts, self._returns, self._lengths = (
+            np.array(state[f"{_OWN}{name}"]) for name in ("observations", "starts", "returns", "lengths")
+        )
 
     def _act(self, observations: Any) -> tuple[Any, Any, Any]:
         with torch.no_grad():
@@ -152,14 +188,19 @@ class SpreadEnvironment:
 
     Args:
         local: one environment of the same kind, for spaces and features.
-        executor: provides the workers; shares: one for each.
+        executor: provides the workers; shares: one for each; warn: told what differs in a continued run.
     """
 
-    def __init__(self, local: Any, executor: Executor, shares: list[Share]) -> None:
-        self._local, self._executor = local, executor
+    def __init__(
+        self, local: Any, executor: Executor, shares: list[Share], warn: Callable[[str], None]
+    ) -> None:
+        self._local, self._executor, self._warn = local, executor, warn
         self.num_envs = sum(share.count for share in shares)
         self._sizes, self._seed = [share.count for share in shares], shares[0].seed
         self._crew = executor.crew(Collector, [(share,) for share in shares])
+        #: Of the workers after the last rollout of all; None for fresh episodes.
+        self._states: list[dict[str, Any] | None] = [None] * len(shares)
+        self._are_sent = False
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._local, name)
@@ -170,21 +211,60 @@ class SpreadEnvironment:
         return self._executor.lost
 
     def collect(self, sent: Any, steps: int, iteration: int, stopping: Callable[[], bool]) -> list[Part]:
-        """Collect a rollout in every worker; the random numbers depend on the iteration and on the worker."""
+        """Collect a rollout in every worker; the random numbers depend on the iteration and on the worker.
+
+        A worker that was lost continues from its state before the rollout, so nothing depends on losses.
+        """
         shared = self._crew.share(sent)
-        arguments = [
+        usual = [
             (shared, steps, int(np.random.SeedSequence([self._seed, iteration, index]).generate_state(1)[0]))
             for index in range(len(self._sizes))
         ]
-        found: list[Part] = self._crew.each("collect", arguments, stopping)
+        whole = [(*some, state) for some, state in zip(usual, self._states, strict=True)]
+        first, self._are_sent = not self._are_sent, True
+        found: list[Part] = self._crew.each("collect", whole if first else usual, stopping, whole)
+        self._states = [part.state for part in found]
         return found
 
     def snapshot(self) -> dict[str, Any]:
-        """Return nothing: a continued run starts its episodes anew."""
-        return {}
+        """Return the state of all environments after the last rollout, like that of environments here.
+
+        The number of environments of each worker is with it; nothing before the first rollout.
+        """
+        states = [state for state in self._states if state is not None]
+        if not states:
+            return {}
+        whole = {name: np.concatenate([state[name] for state in states]) for name in states[0]}
+        return whole | {SIZES: np.array(self._sizes)}
 
     def restore(self, arrays: dict[str, Any]) -> None:
-        """Restore nothing; see ``snapshot``."""
+        """Restore a result of ``snapshot``. With other workers, the result is another one, which is said.
+
+        Raises:
+            ValueError: it belongs to another task or another number of environments.
+        """
+        if SIZES not in arrays:
+            if arrays:
+                self._warn(
+                    "the run was not on a cluster before: its episodes start anew, and its result is not "
+                    "that of an uninterrupted run"
+                )
+            return
+        for name, values in self._local.snapshot().items():
+            if name not in arrays or arrays[name].shape != (self.num_envs, *values.shape[1:]):
+                raise ValueError(f"the saved environments do not fit: {name} is missing or of another shape")
+        before, now = len(arrays[SIZES]), len(self._sizes)
+        if before != now:
+            self._warn(
+                f"{now} workers continue what {before} began, so the result is not that of an uninterrupted "
+                f"run. For the same result, continue with {before} workers (cluster.workers: {before}, and "
+                "as many cores)"
+            )
+        ends = np.cumsum(self._sizes)
+        self._states = [
+            {name: values[end - size : end] for name, values in arrays.items() if name != SIZES}
+            for size, end in zip(self._sizes, ends, strict=True)
+        ]
 
     def close(self) -> None:
         """End the workers. Idempotent."""

@@ -253,14 +253,19 @@ class _RayCrew(Crew):
         return self._kind.remote(self._make, arguments)
 
     def each(
-        self, method: str, arguments: Sequence[tuple[Any, ...]], stopping: Callable[[], bool] = never
+        self,
+        method: str,
+        arguments: Sequence[tuple[Any, ...]],
+        stopping: Callable[[], bool] = never,
+        again: Sequence[tuple[Any, ...]] | None = None,
     ) -> list[Any]:
         """See ``Crew``."""
         answers = [
             member.call.remote(method, *some) for member, some in zip(self._members, arguments, strict=True)
         ]
+        repeated = arguments if again is None else again
         return [
-            self._result(index, method, arguments[index], answers[index], stopping)
+            self._result(index, method, repeated[index], answers[index], stopping)
             for index in range(len(answers))
         ]
 
