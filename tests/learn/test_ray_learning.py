@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any
@@ -17,11 +18,12 @@ from joshua.planner.request import Request
 from joshua.testing.recording_context import RecordingContext
 from joshua_evaluation.node import Evaluation
 from joshua_ppo_trainer.node import PpoTrainer
+from joshua_ray.cluster import Cluster
 from joshua_training.run_folder import RunError
 from ray_nodes import Cluster as Nodes
 from ray_nodes import add_worker, started
 from trained_policies import write_policy
-from trainings import write_training
+from trainings import REACH, write_training
 
 #: Its episodes last long enough for every node to play some.
 PICK_PLACE = "joshua/SoArm100PickPlace-v0"
@@ -128,6 +130,49 @@ def test_an_evaluation_plays_the_same_episodes_on_a_cluster_that_loses_a_node(
     assert there == here | {"workers_lost": lost}
     assert context.shown == f"success {here['success_rate']['value']:.2f}, {lost} workers lost"
     assert context.warnings == [f"workers lost: {lost}; their episodes were played again"]
+
+
+def test_an_evaluation_that_loses_all_workers_keeps_the_figures_of_its_episodes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("joshua_ray.cluster.Cluster", partial(Cluster, patience_s=1.0))
+    policy = write_policy(tmp_path / "policy")
+    found, threads, show = started(0), list[Thread](), RecordingContext.show
+    try:
+        add_worker(found)
+        kill = killing(found)
+
+        def killing_show(self: RecordingContext, text: str) -> None:
+            show(self, text)
+            if not threads:
+                threads.append(Thread(target=kill))
+                threads[0].start()
+
+        monkeypatch.setattr(RecordingContext, "show", killing_show)
+        # the queue of a worker holds two episodes, so that most of them are left
+        address = found.address
+        block = f'environment_id: "{REACH}" cluster {{ address: "{address}" }}'
+        context = context_of(
+            write_evaluation(tmp_path, policy, "videos: 0", episodes=2000, environment=block)
+        )
+        with pytest.raises(RunError) as caught:
+            ended(context, Evaluation(context))
+        threads[0].join()
+    finally:
+        found.shutdown()
+    (run,) = (tmp_path / "runs").glob("eval-*")
+    content = json.loads((run / "results.json").read_text())
+    played = content["episodes"]
+    assert content["complete"] is False
+    assert 1 <= played < 2000
+    assert str(caught.value) == (
+        f"all workers of the cluster {address} are lost: no node with a free core for 1 s. Start nodes "
+        f"(ray start --address={address}), and run the command again. {played} of 2000 episodes were "
+        f"played; their figures are in {run / 'report.html'}"
+    )
+    assert (run / "report.html").is_file()
+    assert len((run / "episodes.csv").read_text().splitlines()) == played + 1
+    assert context.ends == []
 
 
 def test_ppo_gives_the_same_result_after_a_killed_node_and_after_an_interruption(

@@ -40,6 +40,7 @@ class Evaluation(RunNode):
         self._seed = DEFAULT_SEED
         self._robot: Robot | None = None
         self._executor: jobs.Executor | None = None
+        self._failure: jobs.JobError | None = None
 
     def configure(self) -> None:
         """Load the metrics and create the run's folder."""
@@ -133,18 +134,26 @@ class Evaluation(RunNode):
         robot = self._robot
         judged = self._judged_somewhere() if robot is None else self._marked(robot)
         if not judged or not judged[0].episodes:
+            if self._failure is not None:
+                raise RunError(str(self._failure)) from self._failure
             return
         wanted = self._settings.num_episodes * len(self._settings.candidates)
-        complete = sum(len(one.episodes) for one in judged) == wanted
+        count = sum(len(one.episodes) for one in judged)
+        complete = count == wanted
         clips, note = self._shown(judged, robot) if robot else self._clips(judged) if complete else ([], "")
         if self.context.stopping and complete:
             note = "The run was stopped before all videos were made."
         self._write(judged, clips, note, complete)
+        if self._failure is not None:
+            raise RunError(
+                f"{self._failure}. {count} of {wanted} episodes were played; their figures are in "
+                f"{self.folder.path / REPORT}"
+            ) from self._failure
         if complete:
             self.context.end_run(self._summary(judged))
 
     def _judged_somewhere(self) -> list[Judged]:
-        """Play all episodes here, or on the cluster of the file. Raises RunError."""
+        """Play all episodes here, or on the cluster of the file; fewer if that fails. Raises RunError."""
         settings = self._settings
         if not settings.cluster:
             return self._judged()
@@ -183,7 +192,7 @@ class Evaluation(RunNode):
         return clips, "" if clips else "No videos: the camera published no picture during an episode."
 
     def _judged(self) -> list[Judged]:
-        """Play all episodes with each checkpoint; fewer if the run is stopped."""
+        """Play all episodes with each checkpoint; fewer if the run is stopped, or the cluster fails."""
         settings, done = self._settings, 0
         total = settings.num_episodes * len(settings.candidates)
         found: list[Judged] = []
@@ -203,6 +212,9 @@ class Evaluation(RunNode):
                     lost = f", {self._executor.lost} workers lost" if self._executor is not None else ""
                     self.context.show(f"success {judged.success_rate:.2f}{lost}")
             except Stopped:
+                break
+            except jobs.JobError as error:
+                self._failure = error
                 break
             finally:
                 player.close()
