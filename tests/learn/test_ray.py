@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import os
+import socket
 import subprocess
 import sys
 import time
@@ -14,6 +16,7 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+from joshua.testing.port import free_port
 from joshua_dataset.transform import Source, build
 from joshua_jobs.choice import opened
 from joshua_jobs.executor import JobError, Stopped
@@ -39,10 +42,16 @@ def cluster(nodes: Nodes) -> Iterator[Cluster]:
         yield found
 
 
-def joshua(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:
+def joshua(*words: str, without: str = "-", **environment: str) -> subprocess.CompletedProcess[str]:
+    """Runs the command.
+
+    Args:
+        without: prefix of variables that it does not inherit.
+    """
+    inherited = {name: value for name, value in os.environ.items() if not name.startswith(without)}
     return subprocess.run(
         [sys.executable, "-m", "joshua", *words],
-        env=os.environ | environment,
+        env=inherited | environment,
         capture_output=True,
         text=True,
         timeout=150,
@@ -174,22 +183,88 @@ def test_work_on_a_cluster_stops_when_asked(cluster: Cluster) -> None:
         list(cluster.in_order(asleep, [30], lambda: True))
 
 
-def test_the_loss_of_all_workers_is_said() -> None:
+def test_the_loss_of_all_workers_is_said(
+    capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "joshua.ray")
     nodes = started(0)
     try:
         worker = add_worker(nodes)
         with Cluster(nodes.address, patience_s=1.0) as cluster:
             found = cluster.in_order(slow, range(20))
             assert next(found) == 0
+            capfd.readouterr()
             nodes.remove_node(worker, allow_graceful=False)
             with pytest.raises(JobError) as caught:
                 list(found)
+            end_s = time.monotonic() + 20
+            while "has been marked dead" not in caplog.text and time.monotonic() < end_s:
+                time.sleep(0.1)
+            assert "has been marked dead" in caplog.text  # what Ray would print
+            assert capfd.readouterr() == ("", "")
         assert str(caught.value) == (
             f"all workers of the cluster {nodes.address} are lost: no node with a free core for 1 s. "
             f"Start nodes (ray start --address={nodes.address}), and run the command again"
         )
     finally:
         nodes.shutdown()
+
+
+def own_address() -> str:
+    """The address at which other machines reach this one; "" without a network."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
+        try:
+            found.connect(("192.0.2.1", 9))  # nothing is sent
+        except OSError:
+            return ""
+        return str(found.getsockname()[0])
+
+
+@pytest.mark.skipif(not own_address(), reason="without a network nobody can reach a cluster")
+def test_a_cluster_that_others_can_reach_is_refused(tmp_path: Path) -> None:
+    write(tmp_path / "set")
+    port = free_port()
+    head = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "ray.scripts.scripts", "start", "--head", "--block", f"--port={port}"),
+            *("--node-ip-address=127.0.0.1", "--include-dashboard=false", "--num-cpus=1"),
+            *("--object-store-memory=80000000", "--min-worker-port=0", "--max-worker-port=0"),
+            f"--ray-client-server-port={free_port()}",
+        ],
+        env={name: value for name, value in os.environ.items() if not name.startswith("RAY_")},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    try:
+        assert head.stdout is not None
+        assert any("Ray runtime started" in line for line in head.stdout)
+        socket.create_connection((own_address(), port), 5).close()
+        done = joshua("dataset", "check", str(tmp_path / "set"), "--ray", f"127.0.0.1:{port}", without="RAY_")
+        assert done.returncode == 2, done.stderr
+        assert (
+            f"the node {own_address()} of the cluster at 127.0.0.1:{port} is not on the loopback, and "
+            "whoever reaches a Ray cluster can run code on it. It requires token authentication and TLS; "
+            "missing: RAY_AUTH_MODE=token, a token" in done.stderr
+        )
+    finally:
+        head.terminate()
+        head.wait(30)
+
+
+@pytest.mark.skipif(not own_address(), reason="without a network nobody can reach a cluster")
+def test_nothing_of_a_cluster_on_the_loopback_is_reached_from_elsewhere(
+    nodes: Nodes, cluster: Cluster
+) -> None:
+    assert list(cluster.in_order(slow, [3])) == [9]
+    ports = {int(nodes.address.rpartition(":")[2])}
+    for node in cluster._ray.nodes():
+        ports |= {node["NodeManagerPort"], node["ObjectManagerPort"]}
+    assert len(ports) == 5
+    for port in ports:
+        socket.create_connection(("127.0.0.1", port), 5).close()
+        with pytest.raises(ConnectionRefusedError):
+            socket.create_connection((own_address(), port), 5)
 
 
 def test_an_address_without_a_cluster_is_said() -> None:
