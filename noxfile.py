@@ -144,7 +144,8 @@ def mjx(session: nox.Session) -> None:
         session, *needed, *editable(CORE, *(f"{PLUGIN}/{name}" for name in ("mujoco-sim", "mjx-trainer")))
     )
     if session.posargs[:1] in (["bench"], ["gpu"]):
-        session.install("brax", *(["jax[cuda12]"] if session.posargs[0] == "gpu" else []))
+        cuda = ["jax[cuda12]"] if session.posargs[0] == "gpu" else []
+        session.install("-c", str(CONSTRAINTS), *group("compared"), *cuda)
         session.run("python", "tests/plugins/mjx_trainer/bench_mjx.py", *session.posargs[1:])
         return
     if session.posargs[:1] == ["soak"]:

@@ -136,6 +136,8 @@ def test_the_rows_hold_what_the_table_promises():
         2048,
         pb.BACKEND_MJX,
     )
+    # an iteration is 32 steps of each environment: a checkpoint after every 16th, not every second
+    assert rl.rl_config.checkpoint_steps >= 10 * 32 * rl.rl_config.num_envs
     assert presets["training_rl_isaac"].ai.training.simulator_backend == pb.BACKEND_ISAAC
     assert list(presets["training_eval"].ai.training.eval_config.metrics) == ["success_rate", "avg_return"]
     assert presets["calibrate_so_arm100"].calibration_run.display
