@@ -298,8 +298,34 @@ def test_a_torn_checkpoint_says_so(learner: Callable[..., Learner], name: str, h
     kept = made.save()
     content = (kept / name).read_bytes()
     (kept / name).write_bytes(content[: len(content) // 2]) if how == "torn" else (kept / name).unlink()
-    with pytest.raises(RunError, match=r"cannot be used: .*: remove it to continue from an older one"):
+    with pytest.raises(RunError, match=r"cannot be used: .*: start a new run, because there is no older one"):
         learner(kept)
+
+
+def _described(folder: Path, **values: Any) -> None:
+    path = folder / "meta" / "info.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | values))
+
+
+@pytest.mark.parametrize(
+    ("fields", "values", "said"),
+    [
+        ({"joints": tuple("abcdef")}, {}, r"whose observation.state is \['shoulder_pan', .*'a', 'b'"),
+        ({"joints": JOINTS[:5]}, {}, "whose observation.state is "),
+        ({"cameras": ("top", "side")}, {}, "whose observation.images.wrist is a camera, .* it is absent"),
+        ({}, {"fps": 20}, "whose fps is 10, but in .* it is 20"),
+        ({}, {"robot_type": "koch"}, "whose robot_type is SO-ARM100, but in .* it is koch"),
+    ],
+)
+def test_a_run_is_not_continued_with_the_data_of_another_robot(
+    learner: Callable[..., Learner], tmp_path: Path, fields: dict[str, Any], values: dict[str, Any], said: str
+) -> None:
+    made = learner()
+    rows(made, 1)
+    other = write_recording(tmp_path / "other", **fields)
+    _described(other, **values)
+    with pytest.raises(RunError, match=f"the run was started with a data set {said}.*: continue with the"):
+        build(settings(other), made.save())
 
 
 def test_a_loss_that_is_no_number_stops_and_keeps_its_batch(
@@ -374,6 +400,20 @@ def test_a_data_set_that_cannot_be_used_is_named(recording: Path, tmp_path: Path
     del stats["action"]
     (copy / "meta" / "stats.json").write_text(json.dumps(stats))
     with pytest.raises(RunError, match=r"has no statistics of action: run `joshua dataset stats .* --write`"):
+        build(settings(copy))
+    stats["action"] = {"mean": [math.nan], "std": [1.0]}
+    (copy / "meta" / "stats.json").write_text(json.dumps(stats))
+    with pytest.raises(RunError, match=r"statistics of action in .* are not numbers: run `joshua dataset st"):
+        build(settings(copy))
+    (copy / "meta" / "stats.json").write_text("{")
+    with pytest.raises(
+        RunError, match=r"stats.json cannot be read: .*: run `joshua dataset stats .* --write`"
+    ):
+        build(settings(copy))
+    next((copy / "meta" / "episodes").glob("*/*.parquet")).unlink()
+    with pytest.raises(
+        RunError, match=r"says that it has 3 episodes, but describes \d: run `joshua dataset c"
+    ):
         build(settings(copy))
 
 

@@ -20,13 +20,14 @@ from joshua_isaac_trainer.networks import policy_facts
 from joshua_isaac_trainer.settings import IsaacSettings
 from joshua_isaac_trainer.tasks import TensorTask
 from joshua_isaac_trainer.tensors import TensorArrays
-from joshua_isaac_trainer.worker import learn, out_of_memory
+from joshua_isaac_trainer.worker import _kept_batch, learn, out_of_memory
 from joshua_mujoco_sim.envs import make_vector_environment
 from joshua_mujoco_sim.envs.state import SingleState
 from joshua_ppo_trainer.policy import Policy
 from joshua_training.run_folder import RunError, RunFolder
 from learner_behaviours import LearnerBehaviours
 from rsl_rl.env import VecEnv
+from safetensors.numpy import load_file
 from tensordict import TensorDict
 
 REACH, PICK = "joshua/SoArm100Reach-v0", "joshua/SoArm100PickPlace-v0"
@@ -234,7 +235,7 @@ def test_a_learner_continues_with_its_weights_and_optimiser(tmp_path: Path) -> N
         other.restore(folder)
     torn = folder / "training.safetensors"
     torn.write_bytes(torn.read_bytes()[:-9])
-    with pytest.raises(RunError, match=r"cannot be used: .* remove it, and an older one is taken"):
+    with pytest.raises(RunError, match=r"cannot be used: training.safetensors is truncated or damaged"):
         after.restore(folder)
     (folder / "state.json").unlink()
     with pytest.raises(RunError, match="cannot be used"):
@@ -273,6 +274,7 @@ def process(tmp_path: Path) -> Iterator[Channel]:
         "seed": 1,
         "environment_id": REACH,
         "checkpoint": "",
+        "run": str(tmp_path),
     }
     thread = threading.Thread(target=learn, args=(Channel(other), job, MujocoVecEnv(4), TensorTask(REACH)))
     thread.start()
@@ -306,6 +308,22 @@ def test_the_process_answers_each_request_once(process: Channel, tmp_path: Path)
     answer = process.receive(60)
     assert answer is not None
     assert answer["row"] is not None
+
+
+def test_a_loss_that_is_no_number_leaves_the_batch(tmp_path: Path) -> None:
+    made = learner()
+    made.iterate()
+    made._algorithm.policy.critic[0].weight.data.fill_(1e30)
+    with pytest.raises(RunError):
+        made.iterate()
+    said = _kept_batch(made, tmp_path)
+    assert said == f"the batch and the weights are in {tmp_path / 'diverged.safetensors'}"
+    kept = load_file(tmp_path / "diverged.safetensors")
+    assert kept["observations"].shape == (32, 30)
+    assert not np.isfinite(kept["weights.critic.0.weight"]).all()
+    assert "cannot be written: No such file or directory: create it again" in _kept_batch(
+        made, tmp_path / "absent"
+    )
 
 
 def test_a_full_memory_names_the_setting_that_halves_it() -> None:

@@ -30,6 +30,7 @@ from joshua_ppo_trainer.normalise import Moments
 from joshua_ppo_trainer.policy import Policy
 from joshua_ppo_trainer.settings import TrainerSettings
 from joshua_ppo_trainer.vec_env import BatchedVecEnv
+from joshua_training import run_folder
 from joshua_training.run_folder import RunError, RunFolder
 from learner_behaviours import LearnerBehaviours, differ
 from safetensors.numpy import load_file
@@ -236,7 +237,7 @@ def test_checkpoints_are_whole_or_refused(tmp_path: Path) -> None:
     assert folder.checkpoints() == paths[1:]
     torn = paths[-1] / checkpoint.TRAINING
     torn.write_bytes(torn.read_bytes()[:-7])
-    with pytest.raises(RunError, match=r"step_000000000040 cannot be used.*continue from an older one"):
+    with pytest.raises(RunError, match=r"step_000000000040 cannot be used.*continues from step_000000000030"):
         checkpoint.read(paths[-1])
     (paths[-1] / "policy.safetensors").write_bytes(b"\x80\x04pickle")
     with pytest.raises(RunError, match="contains no policy of joshua-ppo-trainer"):
@@ -316,6 +317,36 @@ def test_a_run_that_diverges_keeps_the_batch(tmp_path: Path) -> None:
     kept = load_file(run / "diverged.safetensors")
     assert {"observations", "actions", "advantages", "weights.action_net.weight"} <= set(kept)
     node.cleanup()
+
+
+def test_a_stop_before_the_first_step_leaves_no_checkpoint(tmp_path: Path) -> None:
+    path = tmp_path / "none.pbtxt"
+    path.write_text(TRAINING.format(name="none", steps=4000, more=""))
+    node, context = prepared(path)
+    context._stop.set()
+    node.activate()
+    assert node._ended.wait(100)
+    context.stop()
+    assert node.folder.checkpoints() == []
+    node.cleanup()
+
+
+def test_a_checkpoint_of_another_program_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run_folder, "ENDING_S", 0.0)
+    path = tmp_path / "foreign.pbtxt"
+    path.write_text(TRAINING.format(name="foreign", steps=128, more=""))
+    node, context = prepared(path)
+    node.activate()
+    assert node._ended.wait(100)
+    context.stop()
+    (kept,) = node.folder.checkpoints()
+    path.write_text(TRAINING.format(name="foreign", steps=256, more=f'resume_run: "{node.folder.path}"'))
+    with pytest.raises(RunError, match=r"another process uses the run .*/foreign/SoArm100Reach"):
+        prepared(path)
+    node.cleanup()
+    (kept / checkpoint.TRAINING).write_bytes((kept / "policy.safetensors").read_bytes())
+    with pytest.raises(RunError, match=r"cannot be used: it is not from this trainer \(KeyError: 'normalise"):
+        prepared(path)
 
 
 def prepared(path: Path) -> tuple[Any, Any]:

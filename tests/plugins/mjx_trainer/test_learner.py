@@ -152,7 +152,9 @@ def test_a_full_disk_does_not_hide_why_learning_ended(tmp_path: Path) -> None:
     node._learner, node._folder = learner(), RunFolder(tmp_path / "gone")
     rows(node._learner, 1)
     node._learner.tree["weights"]["value_net.weight"] = jnp.full((1, 16), jnp.inf)
-    with pytest.raises(RunError, match=r"is not a number after 192 steps: .*cannot be written: .*free some"):
+    with pytest.raises(
+        RunError, match=r"is not a number after 192 steps: .*cannot be written: .*create it again"
+    ):
         node.advance()
 
 

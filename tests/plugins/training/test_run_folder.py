@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
 import pytest
-from joshua_training.run_folder import RunError, RunFolder, described, refuse_other
+from joshua_training import run_folder
+from joshua_training.run_folder import (
+    RunError,
+    RunFolder,
+    described,
+    read_part,
+    refuse_other,
+    unwritable,
+)
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
@@ -19,25 +28,81 @@ def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
 
 def test_a_full_disk_leaves_the_checkpoints_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = RunFolder.create(tmp_path, "run", {"seed": 1})
-    first = folder.save(1, {"a": b"1"})
 
     def full(handle: int) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(RunError, match="cannot be written: No space left on device: free some space"):
+    said = "cannot be written: No space left on device: free some space, and"
+    with pytest.raises(RunError, match=f"{said} start again; the run has no checkpoint yet"):
+        folder.save(1, {"a": b"1"})
+    monkeypatch.undo()
+    first = folder.save(1, {"a": b"1"})
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(RunError, match=f"{said} continue with resume_run; the last checkpoint is complete"):
         folder.save(2, {"a": b"2"})
     monkeypatch.undo()
     assert folder.checkpoints() == [first]
     assert [path.name for path in (folder.path / "checkpoints").iterdir()] == [first.name]
 
 
+def test_a_disk_that_is_not_full_has_another_remedy(tmp_path: Path) -> None:
+    said = str(unwritable(tmp_path, OSError(30, "Read-only file system")))
+    assert said == f"{tmp_path} cannot be written: Read-only file system: make it writable"
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (None, "state.json is missing"),
+        (b'{"steps": 1', r"state.json is truncated or damaged \(.*\)"),
+        (b"\xff\xfe", r"state.json is truncated or damaged \(.*\)"),
+        (b"[1]", "state.json has no steps"),
+        (b"{}", "state.json has no steps"),
+    ],
+)
+def test_a_torn_checkpoint_names_the_one_before_it(tmp_path: Path, content: bytes | None, said: str) -> None:
+    folder = RunFolder.create(tmp_path, "run", {})
+    files = {"other": b"1"} if content is None else {"state.json": content}
+    first, second = (folder.save(steps, files) for steps in (1, 2))
+    with pytest.raises(RunError, match=rf"{second} cannot be used: {said}: remove it, .* from {first.name}$"):
+        read_part(second, "state.json", json.loads, "steps")
+    with pytest.raises(RunError, match=rf"{first} cannot be used: {said}: start a new run, because there is"):
+        read_part(first, "state.json", json.loads, "steps")
+
+
+def test_one_process_at_a_time_writes_into_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run_folder, "ENDING_S", 0.0)
+    first = RunFolder.create(tmp_path, "run", {})
+    first.lock()
+    second = RunFolder.open(first.path)
+    with pytest.raises(RunError, match=rf"another process uses the run {first.path}: wait until it ends"):
+        second.lock()
+    first.unlock()
+    second.lock()
+    second.unlock()
+
+
+@pytest.mark.parametrize(
+    ("before", "said"),
+    [
+        ({"kind": "evaluation", "environment": "a"}, "is an evaluation, not a training by METHOD_RL"),
+        ({"method": "METHOD_IMITATION"}, "is a training by METHOD_IMITATION, not a training by METHOD_RL"),
+        ({}, "is of unknown kind"),
+    ],
+)
+def test_a_run_of_another_kind_is_not_continued(before: dict[str, str], said: str) -> None:
+    with pytest.raises(RunError, match=f"the run {said}.*: name another one in resume_run"):
+        refuse_other(before, {"environment": "a", "seed": 1}, ())
+    refuse_other(before | {"features": 1}, {"features": 1}, ())  # facts that belong to any kind
+
+
 def test_a_torn_line_and_later_ones_are_cut_from_the_metrics(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path, "run", {})
     for steps in (10, 20, 30):
         folder.add_metrics({"steps": steps})
-    with (folder.path / "metrics.jsonl").open("a") as file:
-        file.write('{"steps": 1')
+    with (folder.path / "metrics.jsonl").open("ab") as file:
+        file.write(b'[20]\n\xff\n{"steps": 1')
     folder.cut_metrics(20)
     assert (folder.path / "metrics.jsonl").read_text() == '{"steps": 10}\n{"steps": 20}\n'
 

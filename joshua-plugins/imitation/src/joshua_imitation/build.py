@@ -9,11 +9,11 @@ from typing import Any
 
 import torch
 from joshua_dataset.decoding import DatasetError
-from joshua_lerobot.checkpoint import CheckpointError, read_checkpoint
-from joshua_training.run_folder import RunError, RunFolder
+from joshua_lerobot.checkpoint import DATASET, CheckpointError, read_checkpoint
+from joshua_training.run_folder import RunError, RunFolder, unusable
 
 from joshua_imitation.augmentation import Augmentation
-from joshua_imitation.data import Recording, open_dataset
+from joshua_imitation.data import Recording, open_dataset, refuse_other_data
 from joshua_imitation.group import Group
 from joshua_imitation.learner import POLICY, Learner, read_state
 from joshua_imitation.loader import Maker, Order
@@ -66,12 +66,11 @@ def build(
         try:
             read_checkpoint(continued / POLICY)
         except CheckpointError as error:
-            raise RunError(
-                f"the checkpoint {continued} cannot be used: {error.message}: remove it to continue from an "
-                "older one"
-            ) from error
+            raise unusable(continued, error.message) from error
     torch.manual_seed(settings.seed)
     dataset, stream = open_dataset(settings.dataset)
+    if continued is not None:
+        refuse_other_data(continued / POLICY / DATASET, dataset)
     try:
         recording = Recording(dataset, settings.cameras, stream)
     except DatasetError as error:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy.typing as npt
 from joshua.features import ACTION, STATE
 from joshua_dataset.decoding import DatasetError
 from joshua_dataset.reader import Dataset, Episode
-from joshua_training.run_folder import RunError
+from joshua_training.run_folder import RunError, unusable
 
 from joshua_imitation.joined import with_joined_arms
 from joshua_imitation.stream import Stream
@@ -67,6 +68,11 @@ class Recording:
                 )
         except (DatasetError, IndexError) as error:
             raise RunError(f"{error}: run `joshua dataset check {dataset.folder}`") from error
+        if len(self.episodes) != dataset.episodes:
+            raise RunError(
+                f"{dataset.folder} says that it has {dataset.episodes} episodes, but describes "
+                f"{len(self.episodes)}: run `joshua dataset check {dataset.folder}`"
+            )
         if not self.episodes or not self.tasks:
             raise RunError(f"{dataset.folder} has no episode to learn from: record some")
         self.numbers = {key: np.concatenate(values) for key, values in parts.items()}
@@ -101,6 +107,39 @@ class Recording:
         wanted = frames[:, None] + np.asarray(distances)
         held = np.clip(wanted, self.first[frames, None], self.last[frames, None])
         return held, held != wanted
+
+
+def refuse_other_data(before: Path, dataset: Dataset) -> None:
+    """Refuse to continue a run with the data set of another robot.
+
+    Args:
+        before: description of the data set so far, in a checkpoint.
+
+    Raises:
+        RunError: rate, robot, inputs or joints differ; names the first.
+    """
+    try:
+        old, new = _identity(json.loads(before.read_text(encoding="utf-8"))), _identity(dataset.info)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise unusable(before.parent.parent, f"{before.name} does not describe a data set") from error
+    for what in {**old, **new}:
+        if old.get(what) != new.get(what):
+            raise RunError(
+                f"the run was started with a data set whose {what} is {old.get(what, 'absent')}, but in "
+                f"{dataset.folder} it is {new.get(what, 'absent')}: continue with the data set of the run, "
+                "or start a new run"
+            )
+
+
+def _identity(info: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what makes a data set that of a robot; the sizes of pictures are compared elsewhere."""
+    found = {"fps": info["fps"], "robot_type": info.get("robot_type")}
+    for key, feature in info["features"].items():
+        if key.startswith(PICTURES):
+            found[key] = "a camera"
+        elif key in (STATE, SURROUNDINGS, ACTION):
+            found[key] = feature.get("names") or feature["shape"]
+    return found
 
 
 def open_dataset(place: str) -> tuple[Dataset, Stream | None]:

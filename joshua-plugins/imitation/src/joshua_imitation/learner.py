@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import time
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
@@ -11,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from joshua_training.run_folder import RunError, RunFolder
+from joshua_training.run_folder import RunError, RunFolder, read_part
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load, save_file
 
 from joshua_imitation.data import Array, Recording
 from joshua_imitation.group import Group, OthersError
@@ -262,7 +264,7 @@ class Learner:
                         arrays[f"weight.{name}"] = weight.detach().cpu().contiguous()
             save_file(arrays, folder / TRAINING)
         except SafetensorError as error:  # a full disk, as the library reports it
-            raise OSError(str(error)) from error
+            raise _as_os_error(error) from error
         state = {
             "format": 1,
             "steps": self.steps,
@@ -320,16 +322,16 @@ class Learner:
 
 def read_state(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """Read the parts of a checkpoint beside its policy. Raises RunError."""
-    try:
-        arrays = load_file(folder / TRAINING)
-        state = json.loads((folder / STATE).read_text(encoding="utf-8"))
-        if not isinstance(state, dict) or "steps" not in state or "generator.torch" not in arrays:
-            raise ValueError(f"{STATE} has no steps")
-    except (OSError, ValueError, SafetensorError) as error:
-        raise RunError(
-            f"the checkpoint {folder} cannot be used: {error}: remove it to continue from an older one"
-        ) from error
-    return arrays, state
+    return (
+        read_part(folder, TRAINING, load, "generator.torch"),
+        read_part(folder, STATE, json.loads, "steps", "learning_rates", "window", "window_steps"),
+    )
+
+
+def _as_os_error(error: SafetensorError) -> OSError:
+    """Return what the library wraps, such as a full disk."""
+    found = re.search(r"os error (\d+)", str(error))
+    return OSError(int(found.group(1)), os.strerror(int(found.group(1)))) if found else OSError(str(error))
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -41,7 +42,11 @@ class PictureStore:
         self._kept: Any = None
         self._has: Array | None = None if recording.stream is None else np.zeros(len(recording), bool)
         if file is not None:
-            self._kept = np.memmap(file, np.uint8, mode, shape=(len(recording), *size, 3))
+            if mode == "w+":
+                _reserve(file, len(recording) * size[0] * size[1] * 3)
+            self._kept = np.memmap(
+                file, np.uint8, "r+" if mode == "w+" else mode, shape=(len(recording), *size, 3)
+            )
 
     def fill(self, told: Callable[[int], bool]) -> bool:
         """Decode all; ``told`` is called after each episode and returns whether to continue."""
@@ -169,6 +174,20 @@ def scaled(picture: Array, size: tuple[int, int]) -> Array:
     return np.asarray(
         frame.reformat(width=size[1], height=size[0], interpolation="AREA").to_ndarray(format="rgb24")
     )
+
+
+def _reserve(file: Path, size: int) -> None:
+    """Reserve space on the disk: writing to a map of a full disk would kill the process. Raises RunError."""
+    try:
+        with file.open("wb") as opened:
+            if size and hasattr(os, "posix_fallocate"):  # not on macOS
+                os.posix_fallocate(opened.fileno(), 0, size)
+            opened.truncate(size)
+    except OSError as error:
+        raise RunError(
+            f"{file} cannot be written: {error.strerror}: set picture_cache_mb: 0 to decode while reading, "
+            "or TMPDIR to another disk"
+        ) from error
 
 
 def _room(needed: int) -> Path:

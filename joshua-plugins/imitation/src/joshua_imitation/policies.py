@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from joshua_dataset.decoding import DatasetError
 from joshua_dataset.reader import Dataset
 from joshua_lerobot.checkpoint import DATASET, CheckpointError, read_checkpoint
 from joshua_lerobot.hub import fetch
@@ -257,11 +258,18 @@ def _statistics(
     settings: ImitationSettings, dataset: Dataset, sizes: Mapping[str, tuple[int, int]]
 ) -> dict[str, dict[str, Any]]:
     wanted = {"action", "observation.state", "observation.environment_state", *sizes}
-    found = {
-        key: {name: torch.from_numpy(np.asarray(value, np.float32)) for name, value in values.items()}
-        for key, values in dataset.statistics().items()
-        if key in wanted
-    }
+    remedy = f"run `joshua dataset stats {dataset.folder} --write`"
+    try:
+        found = {
+            key: {name: torch.from_numpy(np.asarray(value, np.float32)) for name, value in values.items()}
+            for key, values in dataset.statistics().items()
+            if key in wanted
+        }
+    except DatasetError as error:
+        raise RunError(f"{error}: {remedy}") from error
+    for key, values in found.items():
+        if not all(bool(torch.isfinite(value).all()) for value in values.values()):
+            raise RunError(f"the statistics of {key} in {dataset.folder} are not numbers: {remedy}")
     if settings.pretrained_backbone:
         for key in sizes:
             found.setdefault(key, {}).update(
@@ -269,10 +277,7 @@ def _statistics(
             )
     lacking = sorted((wanted & set(dataset.info["features"])) - set(found))
     if lacking:
-        raise RunError(
-            f"{dataset.folder} has no statistics of {', '.join(lacking)}: run "
-            f"`joshua dataset stats {dataset.folder} --write`"
-        )
+        raise RunError(f"{dataset.folder} has no statistics of {', '.join(lacking)}: {remedy}")
     return found
 
 

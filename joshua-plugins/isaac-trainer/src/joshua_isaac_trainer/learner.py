@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 import torch
-from joshua_training.run_folder import RunError
+from joshua_training.run_folder import RunError, read_part
 from rsl_rl.runners import OnPolicyRunner
-from safetensors import SafetensorError
 from safetensors.numpy import load as load_arrays
 from safetensors.numpy import save as save_arrays
 
@@ -133,6 +132,15 @@ class Learner:
             "last checkpoint is from before that"
         )
 
+    def last_batch(self) -> dict[str, Any]:
+        """Return the samples of the last update and the weights, which led to a loss that is not a number."""
+        storage = self._algorithm.storage
+        samples = {name: getattr(storage, name) for name in ("actions", "rewards", "values", "advantages")}
+        samples["observations"] = storage.observations["policy"]
+        arrays = _arrays({name: values.flatten(0, 1) for name, values in samples.items()})
+        weights = _arrays(self._algorithm.policy.state_dict())
+        return arrays | {f"weights.{name}": values for name, values in weights.items()}
+
     def files(self, about: Mapping[str, Any]) -> dict[str, bytes]:
         """Return the files of a checkpoint by name; ``about`` describes the policy."""
         policy = _arrays(self._algorithm.policy.state_dict())
@@ -164,15 +172,9 @@ class Learner:
             RunError: it is missing, truncated, not from this trainer, or of another network.
         """
         policy, optimiser = self._algorithm.policy, self._algorithm.optimizer
-        try:
-            arrays = load_arrays((checkpoint / TRAINING).read_bytes())
-            state = json.loads((checkpoint / STATE).read_text(encoding="utf-8"))
-            own = {name: torch.from_numpy(np.array(v)) for name, v in arrays.items()}
-            iterations, rate = int(state["iterations"]), float(state["learning_rate"])
-        except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
-            raise RunError(
-                f"the checkpoint {checkpoint} cannot be used: {error}: remove it, and an older one is taken"
-            ) from error
+        arrays = read_part(checkpoint, TRAINING, load_arrays)
+        state = read_part(checkpoint, STATE, json.loads, "iterations", "learning_rate")
+        own = {name: torch.from_numpy(np.array(v)) for name, v in arrays.items()}
         try:
             policy.load_state_dict({k[7:]: v for k, v in own.items() if k.startswith("policy.")})
             memory: dict[int, dict[str, Any]] = {}
@@ -191,10 +193,10 @@ class Learner:
                 f"the checkpoint {checkpoint} does not fit the network of this file: {reason}"
             ) from error
         if self._settings.target_kl is not None:
-            self._algorithm.learning_rate = rate
+            rate = self._algorithm.learning_rate = float(state["learning_rate"])
             for group in optimiser.param_groups:
                 group["lr"] = rate
-        self._iterations = iterations
+        self._iterations = int(state["iterations"])
         self._done = int(state.get("episodes_done", 0))
         self._episodes.extend((r, n, s) for r, n, s in state.get("episodes", []))
 

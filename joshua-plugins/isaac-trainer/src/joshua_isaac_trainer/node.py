@@ -75,6 +75,7 @@ class IsaacTrainer(LearningNode):
         settings = self._settings
         seed = 0 if chosen.seed is None else chosen.seed
         facts: dict[str, Any] = {
+            "simulator_backend": settings.BACKEND,
             "environment": chosen.environment_id,
             "reward_function": chosen.reward_function,
             "seed": seed,
@@ -93,6 +94,7 @@ class IsaacTrainer(LearningNode):
             "seed": seed,
             "device": DEVICE,
             "settings": settings.model_dump(mode="json"),
+            "run": str(self.folder.path),
             "folder": str(self.folder.path / "robot"),
             "checkpoint": str(checkpoint) if checkpoint is not None else "",
         }

@@ -11,9 +11,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from joshua_training.run_folder import RunError
+from joshua_training.run_folder import RunError, RunFolder
 
 from joshua_isaac_trainer.channel import Channel
+
+#: File of the samples after which a loss is not a number, in the folder of the run.
+BATCH = "diverged.safetensors"
 
 
 def main(arguments: list[str]) -> int:
@@ -79,7 +82,11 @@ def learn(channel: Channel, job: dict[str, Any], environment: Any, task: Any) ->
     channel.send({"ready": True, "steps": learner.steps})
     while (request := channel.receive()) is not None:
         if request["do"] == "advance":
-            channel.send({"row": learner.iterate(), "steps": learner.steps})
+            try:
+                row = learner.iterate()
+            except RunError as error:
+                raise RunError(f"{error}; {_kept_batch(learner, Path(job['run']))}") from error
+            channel.send({"row": row, "steps": learner.steps})
         elif request["do"] == "save":
             folder = Path(request["folder"])
             try:
@@ -89,6 +96,17 @@ def learn(channel: Channel, job: dict[str, Any], environment: Any, task: Any) ->
                 channel.send({"refused": error.strerror or str(error), "number": error.errno or 0})
                 continue
             channel.send({"saved": True})
+
+
+def _kept_batch(learner: Any, run: Path) -> str:
+    """Write the samples of the last update and the weights after it; return where."""
+    from safetensors.numpy import save
+
+    try:
+        path = RunFolder(run).write(BATCH, save(learner.last_batch()))
+    except RunError as error:  # which must not hide why learning ended
+        return str(error)
+    return f"the batch and the weights are in {path}"
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joshua_training.run_folder import RunError
+from joshua_training.run_folder import RunError, read_part
 
 from joshua_ppo_trainer.policy import ABOUT, WEIGHTS
 
@@ -47,17 +47,9 @@ def read(folder: Path) -> tuple[Arrays, Arrays, dict[str, Any]]:
     Raises:
         RunError: a file is missing, truncated or not from this trainer.
     """
-    from safetensors import SafetensorError
     from safetensors.numpy import load
 
-    try:
-        policy = load((folder / WEIGHTS).read_bytes())
-        training = load((folder / TRAINING).read_bytes())
-        state = json.loads((folder / STATE).read_text(encoding="utf-8"))
-        if not isinstance(state, dict) or "steps" not in state:
-            raise ValueError(f"{STATE} has no steps")
-    except (OSError, ValueError, SafetensorError) as error:
-        raise RunError(
-            f"the checkpoint {folder} cannot be used: {error}: remove it to continue from an older one"
-        ) from error
+    policy = read_part(folder, WEIGHTS, load)
+    training = read_part(folder, TRAINING, load)
+    state = read_part(folder, STATE, json.loads, "steps", "iterations", "episodes", "episodes_done")
     return policy, training, state

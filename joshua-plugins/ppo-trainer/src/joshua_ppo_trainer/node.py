@@ -13,7 +13,7 @@ from joshua.api import FieldError, NodeContext
 from joshua.tools import load_target
 from joshua_jobs.choice import opened
 from joshua_jobs.executor import JobError
-from joshua_training.run_folder import LibraryMissing, RunError
+from joshua_training.run_folder import LibraryMissing, RunError, unusable
 from joshua_training.trainer import LearningNode
 
 from joshua_ppo_trainer import files
@@ -81,7 +81,12 @@ class RlTrainer(LearningNode):
             name = chosen.environment_id.partition("/")[2] or chosen.environment_id
             self.begin(settings.output_folder, re.sub(r"[^A-Za-z0-9]+", "-", name), facts)
         else:
-            self._learner.restore(*files.read(continued))
+            content = files.read(continued)
+            try:
+                self._learner.restore(*content)
+            except (KeyError, TypeError, ValueError, IndexError) as error:
+                reason = f"it is not from this trainer ({type(error).__name__}: {error})"
+                raise unusable(continued, reason) from error
             self.continue_after(continued)
 
     @property

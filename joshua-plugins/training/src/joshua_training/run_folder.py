@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import json
 import os
 import platform
@@ -26,6 +28,13 @@ RECORDED = (
 )
 
 
+#: How long a process that was killed may still have its run.
+ENDING_S = 5.0
+
+#: Errors of a disk without free space.
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
 class RunError(Exception):
     """A run or a checkpoint cannot be used; the message says where, why and what to do."""
 
@@ -38,6 +47,52 @@ class LibraryMissing(RunError):
     exit_code = 3
 
 
+def unwritable(path: Path, error: OSError, then: str = "") -> RunError:
+    """Return the error of a file that cannot be written, with its remedy.
+
+    Args:
+        then: what to do after that, such as ``, and start again``.
+    """
+    remedy = "create it again" if error.errno == errno.ENOENT else "make it writable"
+    if error.errno in _FULL:
+        remedy = "free some space"
+    return RunError(f"{path} cannot be written: {error.strerror or error}: {remedy}{then}")
+
+
+def unusable(checkpoint: Path, reason: str) -> RunError:
+    """Return the error of a checkpoint that cannot be read, which names the one before it."""
+    older = [path.name for path in RunFolder.of(checkpoint).checkpoints() if path.name < checkpoint.name]
+    remedy = (
+        f"remove it, and resume_run continues from {older[-1]}"
+        if older
+        else "start a new run, because there is no older one"
+    )
+    return RunError(f"the checkpoint {checkpoint} cannot be used: {reason}: {remedy}")
+
+
+def read_part(checkpoint: Path, name: str, parse: Callable[[bytes], Any], *keys: str) -> Any:
+    """Read a file of a checkpoint.
+
+    Args:
+        parse: its content; keys: that the result must have.
+
+    Raises:
+        RunError: it is missing, truncated, or from another program; see ``unusable``.
+    """
+    try:
+        found = parse((checkpoint / name).read_bytes())
+    except FileNotFoundError as error:
+        raise unusable(checkpoint, f"{name} is missing") from error
+    except OSError as error:
+        raise unusable(checkpoint, f"{name} cannot be read: {error.strerror}") from error
+    except Exception as error:  # of json and of safetensors, which is imported only where it is needed
+        raise unusable(checkpoint, f"{name} is truncated or damaged ({error})") from error
+    if not isinstance(found, dict) or not found.keys() >= set(keys):
+        lacking = next((key for key in keys if not isinstance(found, dict) or key not in found), "fields")
+        raise unusable(checkpoint, f"{name} has no {lacking}")
+    return found
+
+
 class RunFolder:
     """A folder with ``run.json``, ``metrics.jsonl``, ``tensorboard/`` and ``checkpoints/``.
 
@@ -47,6 +102,12 @@ class RunFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._lock: int | None = None
+
+    @classmethod
+    def of(cls, checkpoint: Path) -> RunFolder:
+        """Return the run of a checkpoint."""
+        return cls(checkpoint.parent.parent)
 
     @classmethod
     def create(cls, parent: Path, name: str, facts: Mapping[str, Any]) -> RunFolder:
@@ -82,6 +143,37 @@ class RunFolder:
             )
         return cls(path)
 
+    def lock(self) -> None:
+        """Keep the run from other processes, until ``unlock`` or the end of this one.
+
+        Raises:
+            RunError: another process writes into the folder, and does not end soon.
+        """
+        handle, end_s = os.open(self.path, os.O_RDONLY), time.monotonic() + ENDING_S
+        while True:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                if time.monotonic() < end_s:
+                    time.sleep(0.1)
+                    continue
+                os.close(handle)
+                raise RunError(
+                    f"another process uses the run {self.path}: wait until it ends, stop it, or start a new "
+                    "run"
+                ) from error
+            except OSError:  # a file system without locks
+                os.close(handle)
+            else:
+                self._lock = handle
+            return
+
+    def unlock(self) -> None:
+        """Leave the run to other processes. Idempotent."""
+        handle, self._lock = self._lock, None
+        if handle is not None:
+            os.close(handle)
+
     def facts(self) -> dict[str, Any]:
         """Return the content of ``run.json``. Raises RunError."""
         return _json(self.path / "run.json")
@@ -96,7 +188,7 @@ class RunFolder:
         try:
             _durable(path, content)
         except OSError as error:
-            raise RunError(f"{path} cannot be written: {error.strerror}: free some space") from error
+            raise unwritable(path, error) from error
         return path
 
     def write_json(self, name: str, content: Mapping[str, Any]) -> None:
@@ -109,22 +201,33 @@ class RunFolder:
             file.write(json.dumps(row) + "\n")
 
     def cut_metrics(self, steps: int) -> None:
-        """Remove lines after a number of steps, which a continued run computes again, and truncated ones."""
+        """Remove lines after a number of steps, which a continued run computes again, and truncated ones.
+
+        Raises:
+            RunError: the file cannot be written.
+        """
         path = self.path / "metrics.jsonl"
         if not path.is_file():
             return
         kept = []
-        for line in path.read_text(encoding="utf-8").splitlines():
+        for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
             try:
                 if json.loads(line)["steps"] <= steps:
                     kept.append(line + "\n")
             except (ValueError, KeyError, TypeError):
                 continue
-        _durable(path, "".join(kept).encode())
+        self.write(path.name, "".join(kept).encode())
 
     def checkpoints(self) -> list[Path]:
         """Return the complete checkpoints, the oldest first."""
         return sorted(path for path in (self.path / "checkpoints").glob("step_*") if path.is_dir())
+
+    @property
+    def then(self) -> str:
+        """What to do when the cause of a failure is removed, for a message."""
+        if self.checkpoints():
+            return "continue with resume_run; the last checkpoint is complete"
+        return "start again; the run has no checkpoint yet"
 
     def save(self, steps: int, files: Mapping[str, bytes]) -> Path:
         """Write a checkpoint of some files, see ``save_by``."""
@@ -159,10 +262,7 @@ class RunFolder:
             _sync(folder)
         except OSError as error:
             shutil.rmtree(draft, ignore_errors=True)
-            raise RunError(
-                f"{final} cannot be written: {error.strerror or error}: free some space, and continue with "
-                "resume_run; earlier checkpoints are complete"
-            ) from error
+            raise unwritable(final, error, f", and {self.then}") from error
         for old in self.checkpoints()[:-KEPT]:
             shutil.rmtree(old, ignore_errors=True)
         return final
@@ -178,6 +278,12 @@ def refuse_other(before: Mapping[str, Any], wanted: Mapping[str, Any], free: Col
     Raises:
         RunError: a setting differs, or an older version did not write it; names the first.
     """
+    own, other = kind_of(before), kind_of(wanted)
+    if other and own != other:
+        raise RunError(
+            f"the run is {own or 'of unknown kind'}, not {other}: name another one in resume_run, or start a "
+            "new one"
+        )
     unimportant = ("settings", "tracking", "cluster", "cluster_workers", *free)
     old = {**before, **before.get("settings", {})}
     new = {**wanted, **wanted.get("settings", {})}
@@ -194,6 +300,15 @@ def refuse_other(before: Mapping[str, Any], wanted: Mapping[str, Any], free: Col
                 f"the run was started with {key} {old.get(key)}, but the file says {value}: "
                 "continue with the settings of the run, or start a new one"
             )
+
+
+def kind_of(facts: Mapping[str, Any]) -> str:
+    """Return what the facts of a run are those of, in words; "" if they do not say it."""
+    if facts.get("kind") == "evaluation":
+        return "an evaluation"
+    if facts.get("method") == "METHOD_IMITATION":
+        return "a training by METHOD_IMITATION"
+    return "a training by METHOD_RL" if facts.get("environment") else ""
 
 
 def _plain(value: Any) -> Any:

@@ -13,7 +13,7 @@ from joshua.api import NodeContext, Trainer
 from joshua_training.board import Board
 from joshua_training.curves import draw
 from joshua_training.memory import remedied
-from joshua_training.run_folder import RunError, RunFolder, described, refuse_other
+from joshua_training.run_folder import RunError, RunFolder, described, refuse_other, unwritable
 from joshua_training.tracking import Trackers, services_of
 from joshua_training.tracking_settings import TrackingSettings
 
@@ -55,6 +55,7 @@ class RunNode(Trainer):
         """Create the folder of a new run, with versions and git state in ``run.json``. Raises RunError."""
         about = {**facts, **described(Path(self.facts.folder or "."))}
         self._folder = RunFolder.create(Path(parent), name, about)
+        self._folder.lock()
 
     def activate(self) -> None:
         """Start the work."""
@@ -73,6 +74,8 @@ class RunNode(Trainer):
         """Release what the work used, unless it still uses it."""
         if self._ended.is_set():
             self.release()
+            if self._folder is not None:
+                self._folder.unlock()
 
     def release(self) -> None:
         """Close environments, files and the like."""
@@ -148,12 +151,14 @@ class LearningNode(RunNode):
         """Open the run to continue, and return its last checkpoint; None if ``run`` is "".
 
         Raises:
-            RunError: there is none, it has no checkpoint, or it was started with other settings.
+            RunError: there is none, it has no checkpoint, it was started with other settings, or another
+                process continues it.
         """
         if not run:
             return None
         self._folder = RunFolder.open(Path(run))
         refuse_other(self._folder.facts(), facts, self.FREE)
+        self._folder.lock()
         whole = self._folder.checkpoints()
         if not whole:
             raise RunError(f"{self._folder.path} has no checkpoint to continue from: start a new run")
@@ -175,6 +180,9 @@ class LearningNode(RunNode):
             if self.prepare():
                 self._learn(trackers)
             well = True
+        except OSError as error:
+            path = Path(error.filename or self.folder.path)
+            raise unwritable(path, error, f", and {self.folder.then}") from error
         finally:
             trackers.close(well)
 
@@ -183,7 +191,7 @@ class LearningNode(RunNode):
         latest: dict[str, float] = {}
         try:
             while self.steps < self.total and not self.is_asked_to_stop:
-                with remedied(f"{self.halves}; the last checkpoint is complete"):
+                with remedied(f"{self.halves}, and {self.folder.then}"):
                     row = self.advance()
                 if row is not None:
                     latest |= row
@@ -201,11 +209,6 @@ class LearningNode(RunNode):
                 self.context.end_run(f"{self.steps} {self.UNIT} learned{shown}; {self.result()}{drawn}")
             elif not self.context.stopping:
                 self.context.end_run(f"stopped after {self.steps} {self.UNIT}, as another machine asked")
-        except OSError as error:
-            raise RunError(
-                f"{self.folder.path} cannot be written: {error.strerror or error}: free some space, and "
-                "continue with resume_run"
-            ) from error
         except RunError:
             self._save_if_possible()  # the state from before the failure
             raise
@@ -213,17 +216,17 @@ class LearningNode(RunNode):
             board.close()
 
     def _save(self) -> None:
-        if self.steps == self._saved:
+        if self.steps in (0, self._saved):  # nothing was learned, or nothing new
             return
+        self._saved = self.steps  # a checkpoint that cannot be written is not tried again
         path = self.save()
-        self._saved = self.steps
         self.context.log.info("checkpoint %s", path)
 
     def _save_if_possible(self) -> None:
         try:
             self._save()
-        except RunError as error:
-            self.context.log.error("%s", error)
+        except Exception as error:  # noqa: BLE001 (which must not hide why learning ended)
+            self.context.log.error("no checkpoint of the last steps: %s", error)
 
     def _shown(self, row: Mapping[str, float]) -> str:
         return ", ".join(form.format(row[key]) for key, form in self.SHOWN if key in row)
