@@ -65,7 +65,7 @@ class PpoModel(Model):
         except FieldError as error:
             raise ModelError(f"{error}. {error.remedy}") from error
         except RunError as error:
-            raise ModelError(f"{error}. Copy the checkpoint again") from error
+            raise ModelError(str(error)) from error
         except Exception as error:  # of gymnasium and MuJoCo: the environment is missing, or a different one
             raise ModelError(
                 f"{about['environment']}, in which {self.settings.folder} was trained, cannot be made: "

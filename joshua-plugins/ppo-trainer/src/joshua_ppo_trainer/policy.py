@@ -45,6 +45,18 @@ class Policy:
         if moments is not None:
             self.mean = np.asarray(moments["mean"])
             self.spread = np.sqrt(np.asarray(moments["variance"]) + 1e-8)
+        self._check(len(self.mean) if self.mean is not None else self.layers[0][0].shape[1])
+
+    def _check(self, inputs: int) -> None:
+        """Raise ValueError unless all numbers are finite and each layer fits the one before it."""
+        for weight, bias in self.layers:
+            if weight.shape != (len(bias), inputs):
+                raise ValueError(f"a layer has the shape {weight.shape}, not {(len(bias), inputs)}")
+            inputs = len(bias)
+            if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
+                raise ValueError("a weight is not a number")
+        if inputs != len(self.low):
+            raise ValueError(f"it returns {inputs} numbers, but has ranges of {len(self.low)}")
 
     @classmethod
     def load(cls, checkpoint: Path) -> Policy:
@@ -56,9 +68,12 @@ class Policy:
         try:
             about = json.loads((checkpoint / ABOUT).read_text(encoding="utf-8"))
             return cls(about, arrays_of((checkpoint / WEIGHTS).read_bytes()))
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
             reason = f"{type(error).__name__}: {error}"
-            raise RunError(f"{checkpoint} contains no policy of joshua-ppo-trainer: {reason}") from error
+            raise RunError(
+                f"{checkpoint} contains no policy of joshua-ppo-trainer: {reason}. Copy the checkpoint "
+                "again, or name another one"
+            ) from error
 
     def act(self, observations: Any) -> Any:
         """Return actions, shape (N, A), float32, for raw observations of the environment, shape (N, K)."""
