@@ -254,3 +254,35 @@ def test_a_wrong_number_is_refused(words: tuple[str, str], capsys: pytest.Captur
     with pytest.raises(SystemExit):
         command(capsys, "prune", *words)
     assert "expected a" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("run.json", b'{"settings": [1]}'),
+        ("run.json", b"{"),
+        ("metrics.jsonl", b'\xff\n{"steps": "many"}\n'),
+        ("results.json", b'{"seeds": [1], "metrics": {"success_rate": {}}}'),
+        ("results.json", b'{"seeds": [1], "metrics": {"success_rate": 7}}'),
+    ],
+)
+def test_a_damaged_run_is_named_and_hides_no_other(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    content: bytes,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    training(tmp_path / "runs", "whole")
+    damaged = training(tmp_path / "runs", "damaged")
+    (damaged.path / name).write_bytes(content)
+    (damaged.path / "dangling").symlink_to(tmp_path / "absent")
+    code, said, _ = command(capsys, "list")
+    assert code == 0
+    assert re.search(r"whole +train +1,000 +success 0.50", said)
+    assert re.search(r"damaged +train +0 +cannot be read", said)
+    for words in (("show", "damaged"), ("compare", "whole", "damaged")):
+        code, _, said = command(capsys, *words)
+        assert code == 1
+        assert re.search(r"runs/damaged.* (cannot be read|are damaged).*: choose another run", said)

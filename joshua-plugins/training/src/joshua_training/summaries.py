@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import stat
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -69,24 +71,30 @@ def find_runs(parent: Path) -> list[RunFolder]:
     """Return the runs directly below a folder, or the folder itself if it is one; the newest last."""
     if (parent / "run.json").is_file():
         return [RunFolder(parent)]
-    found = [RunFolder(path.parent) for path in parent.glob("*/run.json")]
+    found = [RunFolder(path.parent) for path in parent.glob("*/run.json") if path.is_file()]
     return sorted(found, key=lambda run: ((run.path / "run.json").stat().st_mtime, run.path.name))
 
 
 def summarise(run: RunFolder) -> Summary:
-    """Summarise a run; truncated files give a summary with a problem."""
-    problem, about, rows = "", {}, []
+    """Summarise a run; damaged files give a summary with a problem."""
     try:
         about = run.facts()
-        rows = read_rows(run)
+        return _summary(run, about, read_rows(run), _results(run))
     except RunError as error:
         problem = str(error)
-    results = _results(run)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        problem = f"the files of {run.path} are damaged ({type(error).__name__}: {error}): choose another run"
+    return replace(_summary(run, {}, [], {}), problem=problem)
+
+
+def _summary(
+    run: RunFolder, about: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], results: Mapping[str, Any]
+) -> Summary:
     last = rows[-1] if rows else {}
     figures = {name: value for name, value in last.items() if _is_number(value)}
     if results:
         figures = {name: entry["value"] for name, entry in _metrics(results).items()}
-    files = [path for path in run.path.rglob("*") if path.is_file()]
+    files = list(_stats(run.path))
     git = about.get("git")
     return Summary(
         path=str(run.path),
@@ -96,16 +104,26 @@ def summarise(run: RunFolder) -> Summary:
         steps=int(results["episodes"] if "episodes" in results else last.get("steps", 0)),
         result=_result(results, last),
         started=str(about.get("started", "")),
-        changed_s=max((path.stat().st_mtime for path in files), default=0.0),
+        changed_s=max((found.st_mtime for found in files), default=0.0),
         checkpoints=len(run.checkpoints()),
-        bytes=sum(path.stat().st_size for path in files),
+        bytes=sum(found.st_size for found in files),
         figures=figures,
-        settings=about.get("settings", {}),
-        versions=about.get("versions", {}),
+        settings=dict(about.get("settings", {})),
+        versions=dict(about.get("versions", {})),
         git=git if isinstance(git, Mapping) else None,
         seed=about.get("seed"),
-        problem=problem,
     )
+
+
+def _stats(folder: Path) -> Iterator[os.stat_result]:
+    """Yield the facts of all files, without those that a training removes meanwhile."""
+    for path in folder.rglob("*"):
+        try:
+            found = path.stat()
+        except OSError:
+            continue
+        if stat.S_ISREG(found.st_mode):
+            yield found
 
 
 def read_rows(run: RunFolder) -> list[dict[str, Any]]:
@@ -230,7 +248,7 @@ def remove(removal: Removal) -> None:
 
 
 def _size(folder: Path) -> int:
-    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    return sum(found.st_size for found in _stats(folder))
 
 
 def _results(run: RunFolder) -> dict[str, Any]:
