@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from joshua_mujoco_sim.envs import TermEnv, make_environment
-from joshua_mujoco_sim.envs.experts import EXPERTS, Kinematics, PickPlaceExpert
+from joshua_mujoco_sim.envs.arm_terms import PLACED_M
+from joshua_mujoco_sim.envs.experts import BASE_Y_M, EXPERTS, Kinematics, PickPlaceExpert
 from joshua_mujoco_sim.envs.tasks import pick_place
 from joshua_mujoco_sim.model_file import load_model
 
@@ -71,6 +72,25 @@ def test_recoveries_start_anywhere_and_succeed(name: str) -> None:
     assert np.array_equal(first, again)
     moved = [np.abs(here - there).max() > 0.2 for here, there in zip(first, usual, strict=True)]
     assert 5 <= sum(moved) <= 15
+
+
+def test_recoveries_begin_with_a_cube_that_was_pushed_away() -> None:
+    name = "joshua/SoArm100PickPlace-v0"
+    environment = make_environment(name, disable_env_checker=True).unwrapped
+    expert: Any = EXPERTS[name](environment, recoveries=1.0)
+    pushed, outside = 0, []
+    for seed in range(40):
+        environment.reset(seed=seed)
+        before = environment.state.site("cube")[0].copy()
+        expert.scatter(seed)
+        cube, goal = environment.state.site("cube")[0], environment.state.site("goal")[0]
+        assert np.hypot(*(cube - goal)[:2]) > 2 * PLACED_M
+        assert cube[2] == pytest.approx(before[2])
+        pushed += not np.array_equal(cube, before)
+        from_base_m = np.hypot(cube[0], cube[1] - BASE_Y_M)
+        outside.append(not 0.19 <= from_base_m <= 0.27)
+    assert 10 <= pushed <= 30
+    assert 5 <= sum(outside) < pushed
 
 
 def test_inverse_kinematics_reaches_a_place_with_the_jaws_along_a_line() -> None:

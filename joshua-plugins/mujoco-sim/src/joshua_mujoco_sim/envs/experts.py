@@ -42,6 +42,9 @@ _UP = np.array([0.0, 0.0, 1.0])
 #: Recoveries: heights of the grip at the start, above the table, and its least distance from the cube.
 START_LOW_M, START_HIGH_M, START_CLEAR_M = 0.015, 0.16, 0.05
 
+#: Recoveries: distances from the arm's base, and angles from its front, at which the cube may lie.
+PUSHED_M, PUSHED_RAD = (0.15, 0.33), 1.0
+
 
 class Expert(Protocol):
     """Solves a task in one environment, episode by episode."""
@@ -151,6 +154,7 @@ class _ArmExpert:
         if chance.random() >= self._recoveries:
             return
         state = self._state
+        self._displace(chance)
         joints = np.array(state.qpos[0, :_REACHING])
         yaw = self._closing_line() + chance.uniform(-0.8, 0.8)
         found = self._kinematics.solve(joints, self._start(chance), yaw, rounds=60)
@@ -180,6 +184,9 @@ class _ArmExpert:
 
     def _steps(self) -> Iterator[FloatArray]:
         raise NotImplementedError
+
+    def _displace(self, chance: np.random.Generator) -> None:
+        """Move objects to where an error may have left them."""
 
     def _start(self, chance: np.random.Generator) -> FloatArray:
         """Return a place for the grip to start at: anywhere in front of the arm."""
@@ -292,6 +299,20 @@ class PickPlaceExpert(_ArmExpert):
         way[:2] *= max(1.0, START_CLEAR_M / float(np.linalg.norm(way)))
         beside: FloatArray = cube + way
         return beside
+
+    def _displace(self, chance: np.random.Generator) -> None:
+        """Move the cube, in half of the episodes: jaws that miss it push it out of where episodes start."""
+        if chance.random() < 0.5:
+            return
+        state, goal = self._state, self._state.site("goal")[0]
+        while True:
+            radius, angle = chance.uniform(*PUSHED_M), chance.uniform(-PUSHED_RAD, PUSHED_RAD)
+            place = np.array([radius * np.sin(angle), BASE_Y_M - radius * np.cos(angle)])
+            if np.hypot(*(place - goal[:2])) > 2 * arm.PLACED_M:
+                break
+        half_turn = chance.uniform(-np.pi, np.pi) / 2
+        state.qpos[0, 6:13] = *place, arm.HALF_CUBE_M, np.cos(half_turn), 0.0, 0.0, np.sin(half_turn)
+        state.forward(np.zeros(1, np.int64))
 
     @staticmethod
     def _radial(place: FloatArray) -> float:
