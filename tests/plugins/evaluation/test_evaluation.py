@@ -289,11 +289,17 @@ def test_weights_that_do_not_fit_the_environment_are_refused(tmp_path: Path) -> 
         context.stop()
 
 
-def test_torn_weights_are_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("checkpoint", "more"), [("torn", ""), ("random", 'compare_with: "torn"')], ids=["first", "second"]
+)
+def test_torn_weights_are_named_before_any_episode(
+    tmp_path: Path, random_policy: Path, checkpoint: str, more: str
+) -> None:
     write_policy(tmp_path / "torn")
     content = (tmp_path / "torn" / "policy.safetensors").read_bytes()
     (tmp_path / "torn" / "policy.safetensors").write_bytes(content[:-5])
-    node, context = prepared(tmp_path, "torn")
+    given = random_policy if checkpoint == "random" else checkpoint
+    node, context = prepared(tmp_path, given, more, episodes=10_000)
     node.activate()
     assert node._ended.wait(60)
     with pytest.raises(RunError, match="torn contains no policy of joshua-ppo-trainer"):

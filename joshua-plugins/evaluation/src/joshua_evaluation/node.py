@@ -196,6 +196,8 @@ class Evaluation(RunNode):
         settings, done = self._settings, 0
         total = settings.num_episodes * len(settings.candidates)
         found: list[Judged] = []
+        for candidate in settings.candidates[1:]:  # before hours of episodes with the first one
+            self._try_out(self._bout(candidate))
         for candidate in settings.candidates:
             bout = self._bout(candidate)
             player = bout.player()
@@ -220,6 +222,16 @@ class Evaluation(RunNode):
                 player.close()
                 arena.close()
         return found
+
+    def _try_out(self, bout: Bout) -> None:
+        """Load a checkpoint once, which raises its error."""
+        player = bout.player()
+        arena = bout.arena(player.options)
+        try:
+            player.load(arena)
+        finally:
+            player.close()
+            arena.close()
 
     def _measurable(self, arena: Arena) -> tuple[Metric, ...]:
         """Return the metrics, without default ones that the environment cannot provide numbers for."""
