@@ -50,6 +50,7 @@ def test_versions_and_plugins_are_installed_in_their_order(tmp_path: Path):
         "mujoco-sim",
         "onnx",
         "ppo-trainer",
+        "ray",
         "smolvla",
         "training",
     ]

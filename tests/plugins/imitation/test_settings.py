@@ -33,6 +33,7 @@ def errors(
     fields: str = "",
     environment: str = "ENV_SIMULATION",
     name: str = 'dataset_name: "demos"',
+    cluster: str = "",
 ) -> list[Any]:
     """What a validation finds."""
     described(folder) if not (folder / "demos").exists() else None
@@ -42,7 +43,7 @@ general {{ mode: MODE_TRAINING name: "train" id: "train-imitation-test" }}
 ai {{
   training {{
     environment: {environment}
-    method: METHOD_IMITATION
+    method: METHOD_IMITATION {cluster}
     imitation_config {{
       {name} num_epochs: 2 learning_rate: 0.001 batch_size: 4
       {fields}
@@ -121,6 +122,29 @@ def test_one_process_learns_beside_a_robot(tmp_path: Path) -> None:
     found = errors(tmp_path, "processes: 2", environment="ENV_REAL")
     (error,) = (item for item in found if item.field_path.endswith("processes"))
     assert "learning pauses while the robot is evaluated" in error.message
+
+
+def test_the_workers_of_a_cluster_are_the_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("joshua_ray.executor.check", lambda address: None)
+    two = 'cluster { address: "local" workers: 2 }'
+    assert errors(tmp_path, cluster=two) == []
+    (error,) = errors(tmp_path, cluster='cluster { address: "local" }')
+    assert error.field_path == "ai.training.cluster"
+    assert "the result depends on the number of workers" in error.message
+    assert error.remedy == "Add workers to cluster, for example workers: 2."
+    for field in ("processes: 2", "machines: 2", 'main_address: "10.0.0.1:1000"'):
+        (error,) = errors(tmp_path, field, cluster=two)
+        assert error.field_path == f"ai.training.imitation_config.{field.partition(':')[0]}"
+        assert error.position.line == 9
+        assert "has no effect with a cluster: its workers are the processes" in error.message
+        assert error.remedy.endswith("and write the number of processes as workers in cluster.")
+    (error,) = errors(tmp_path, 'device: "mps"', cluster=two)
+    assert error.field_path == "ai.training.imitation_config.device"
+    assert error.message.startswith("The workers of a cluster learn on cpu or cuda")
+    found = errors(tmp_path, environment="ENV_REAL", cluster=two)
+    (error,) = (item for item in found if item.field_path == "ai.training.cluster")
+    assert error.message.startswith("With ENV_REAL, this run drives a robot, and whoever reaches a cluster")
+    assert error.remedy == "Remove it, or write environment: ENV_SIMULATION in training."
 
 
 def test_an_address_is_streamed_and_checked(tmp_path: Path) -> None:

@@ -109,13 +109,14 @@ def test_no_node_of_a_robot_loads_ray() -> None:
         for path in (ROOT / "joshua-plugins").glob("*/src/**/*.py")
         if "joshua_jobs" in path.read_text(encoding="utf-8")
     }
-    assert knowing == {"dataset", "evaluation", "jobs", "ppo-trainer", "ray", "training"}
+    assert knowing == {"dataset", "evaluation", "imitation", "jobs", "ppo-trainer", "ray", "training"}
     loading = {
         path.relative_to(ROOT / "joshua-plugins").as_posix()
         for path in (ROOT / "joshua-plugins").glob("*/src/**/*.py")
         if any(line.strip().startswith(("import ray", "from ray")) for line in path.read_text().splitlines())
     }
-    assert loading == {f"ray/src/joshua_ray/{name}.py" for name in ("cluster", "trial", "tuning")}
+    names = ("cluster", "fitting", "together", "trial", "tuning")
+    assert loading == {f"ray/src/joshua_ray/{name}.py" for name in names}
     code = "import sys, joshua_ray.executor; print('ray' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

@@ -194,4 +194,4 @@ def test_only_ppo_in_simulation_takes_a_cluster(monkeypatch: pytest.MonkeyPatch)
     assert error.message.startswith("SAC updates after every step")
     assert error.remedy == 'Remove it, or write algorithm: "PPO".'
     robot = errors("ppo", cluster, "environment=ENV_REAL")
-    assert any(error.message.startswith("A cluster shares the rollouts of PPO") for error in robot)
+    assert any(error.message.startswith("With ENV_REAL, this run drives a robot") for error in robot)

@@ -53,13 +53,13 @@ def build(
 
     Args:
         continued: checkpoint of the run to continue.
-        group: this process, if it was started by another; decoded: folder of the pictures of that one.
+        group: this process, if others started it; decoded: folder of the pictures of another process.
 
     Raises:
         RunError: data set, settings or checkpoint do not fit; LibraryMissing.
     """
-    device = group.device if group is not None else _device(settings)
-    is_first = group is None
+    device = group.device if group is not None else found_device(settings)
+    judges = group is None or group.rank == 0
     group = group or Group.of(settings, device)
     if continued is not None:
         read_state(continued)
@@ -114,7 +114,7 @@ def build(
     )
     maker = Maker(recording, album, parts.windows, augmentation)
     judge = Maker(recording, album, parts.windows)
-    judged = recording.frames(kept_back if is_first else [], parts.drop_last)
+    judged = recording.frames(kept_back if judges else [], parts.drop_last)
     shapes = {**parts.config.input_features, **parts.config.output_features}
     return Built(
         learner=lambda folder: Learner(
@@ -130,8 +130,8 @@ def build(
     )
 
 
-def _device(settings: ImitationSettings) -> str:
-    """Return the device that the file names. Raises RunError if it does not exist."""
+def found_device(settings: ImitationSettings) -> str:
+    """Return the device of this machine that the file names. Raises RunError if it does not exist."""
     there: dict[str, Any] = {
         "cuda": torch.cuda.is_available,
         "mps": torch.backends.mps.is_available,
@@ -147,8 +147,7 @@ def _device(settings: ImitationSettings) -> str:
         )
     else:
         chosen = settings.device
-    if settings.precision == "float16" and chosen != "cuda":
-        raise RunError(f'float16 requires cuda, but the device is {chosen}: set precision: "bfloat16"')
+    refuse_half(settings, chosen)
     if chosen == "cuda" and settings.processes > torch.cuda.device_count():
         raise RunError(
             f"{settings.processes} processes require as many GPUs, but PyTorch finds "
@@ -156,3 +155,9 @@ def _device(settings: ImitationSettings) -> str:
             "CUDA_VISIBLE_DEVICES"
         )
     return chosen
+
+
+def refuse_half(settings: ImitationSettings, device: str) -> None:
+    """Raise RunError if a device cannot compute in half precision."""
+    if settings.precision == "float16" and device != "cuda":
+        raise RunError(f'float16 requires cuda, but the device is {device}: set precision: "bfloat16"')

@@ -23,12 +23,19 @@ from joshua_imitation.settings import ImitationSettings
 #: Longest wait for the others: they read the data set, or compute an update.
 PATIENCE = timedelta(minutes=30)
 
+#: Longest text that processes tell each other, in bytes: a path.
+_TEXT = 4096
+
 #: How long the other processes of a machine have to end by themselves.
 PARTING_S = 3.0
 
 
 class OthersError(RunError):
     """Another process of the training failed, or cannot be reached."""
+
+
+class LostError(OthersError):
+    """Another process of the training cannot be reached."""
 
 
 @dataclass
@@ -60,6 +67,15 @@ class Group:
             device=device,
         )
 
+    @classmethod
+    def of_environment(cls, device: str) -> Group:
+        """Return a process that others have connected, as the variables of ``torchrun`` say."""
+        size, rank, local, each = (
+            int(os.environ[name]) for name in ("WORLD_SIZE", "RANK", "LOCAL_RANK", "LOCAL_WORLD_SIZE")
+        )
+        address = f"{os.environ['MASTER_ADDR']}:{os.environ['MASTER_PORT']}"
+        return cls(size, rank, local, each, address, device)
+
     def join(self) -> None:
         """Connect to the others, and wait for them. Raises RunError; LibraryMissing."""
         if self.size == 1:
@@ -73,7 +89,7 @@ class Group:
             MASTER_ADDR=host,
             MASTER_PORT=port,
         )
-        if self.each == self.size and sys.platform == "linux":
+        if self.each == self.size and sys.platform == "linux" and not torch.distributed.is_initialized():
             os.environ.update(GLOO_SOCKET_IFNAME="lo", NCCL_SOCKET_IFNAME="lo")
         threads = torch.get_num_threads()
         os.environ.setdefault("OMP_NUM_THREADS", str(threads))
@@ -112,6 +128,15 @@ class Group:
         self._reduced(summed)
         return [float(value) for value in summed.tolist()]
 
+    def gather(self, text: str) -> list[str]:
+        """Return a short text of every process, in their order. Raises RunError."""
+        said = torch.zeros((self.size, _TEXT), dtype=torch.uint8, device=self.device)
+        content = text.encode()
+        said[self.rank, : len(content)] = torch.tensor(list(content), dtype=torch.uint8)
+        if self.size > 1:
+            self._reduced(said)
+        return [bytes(row.tolist()).rstrip(b"\0").decode() for row in said]
+
     def add_gradients(self, parameters: Iterable[Any]) -> None:
         """Replace each gradient by its sum over all processes."""
         if self.size == 1:
@@ -142,7 +167,7 @@ class Group:
         try:
             torch.distributed.all_reduce(values)
         except RuntimeError as error:
-            raise OthersError(
+            raise LostError(
                 f"process {self.rank} of {self.size} lost the others: {str(error).strip().splitlines()[0]}: "
                 "see their messages, and continue with resume_run"
             ) from error

@@ -11,6 +11,8 @@ from threading import Thread
 from typing import Any
 
 from joshua.api import NodeContext
+from joshua_jobs.choice import opened
+from joshua_jobs.executor import JobError
 from joshua_training.run_folder import LibraryMissing, RunError, refuse_other
 from joshua_training.trainer import LearningNode
 
@@ -28,6 +30,7 @@ class ImitationTrainer(LearningNode):
         ("robot/success_rate", "robot {:.0%}"),
         ("rate/updates_per_s", "{:.3g} updates/s"),
         ("rate/loader_share", "loader {:.0%}"),
+        ("workers_lost", "{:.0f} workers lost"),
     )
     FREE = (
         *("num_epochs", "max_steps", "learning_rate", "backbone_learning_rate", "checkpoint_steps"),
@@ -43,6 +46,8 @@ class ImitationTrainer(LearningNode):
         self._learner: Any = None
         self._group: Any = None
         self._crew: Any = None
+        self._executor: Any = None
+        self._lost = 0
         self._continued: Path | None = None
         self._robot: Any = None
         self._owes_round = False
@@ -56,6 +61,7 @@ class ImitationTrainer(LearningNode):
             import torch
 
             from joshua_imitation.build import build
+            from joshua_imitation.group import Group
         except ImportError as error:
             raise LibraryMissing(
                 f"imitation learning requires {error.name}, which is not installed for the interpreter of "
@@ -64,16 +70,20 @@ class ImitationTrainer(LearningNode):
             ) from error
         cores = max(1, len(os.sched_getaffinity(0)) // settings.processes)
         torch.set_num_threads(settings.threads or cores)
-        facts = {
+        facts: dict[str, Any] = {
             "method": "METHOD_IMITATION",
             "policy": settings.policy_type,
             "dataset": settings.dataset,
             "seed": settings.seed,
             "settings": settings.model_dump(mode="json", exclude={"output_folder", "resume_run", "tracking"}),
         }
+        if settings.cluster:  # its workers are the processes, whose number changes what is learnt
+            facts["settings"]["processes"] = settings.size
         self.checkpoint_steps = settings.checkpoint_steps
         continued = self.reopen(settings.resume_run, facts)
-        made = build(settings, continued)
+        if settings.cluster:
+            self._open_cluster()
+        made = build(settings, continued, Group(settings.size) if settings.cluster else None)
         self._album, self._group, self._continued = made.album, made.group, continued
         if continued is None:
             self.begin(settings.output_folder, settings.policy_type, facts | {"features": made.features})
@@ -83,6 +93,8 @@ class ImitationTrainer(LearningNode):
         if continued is not None:
             self._learner.restore(continued)
             self.continue_after(continued)
+        if settings.cluster:
+            self._follow_workers()
         if settings.is_on_robot:
             from joshua_imitation.robot import RobotRounds
 
@@ -93,9 +105,27 @@ class ImitationTrainer(LearningNode):
             *(settings.policy_type, made.weights, made.frames, made.learned, made.kept_back),
         )
 
+    def _open_cluster(self) -> None:
+        """Connect to the cluster. Raises RunError."""
+        settings = self._settings
+        try:
+            self._executor = opened(("ray", settings.cluster), settings.cluster_workers)
+        except JobError as error:
+            raise RunError(str(error)) from error
+
+    def _follow_workers(self) -> None:
+        """Let the workers of the cluster learn, from the checkpoint that was restored here to check it."""
+        from joshua_imitation.spread import SpreadLearner
+
+        self._album.close()
+        try:
+            self._learner = SpreadLearner(self._executor, self._settings, self.folder, self.steps, self.total)
+        except JobError as error:
+            raise RunError(str(error)) from error
+
     def release(self) -> None:
         """End the loader and the other processes, and remove the decoded pictures."""
-        for part in (self._learner, self._group, self._crew, self._album):
+        for part in (self._learner, self._group, self._crew, self._album, self._executor):
             if part is not None:
                 part.close()
 
@@ -111,6 +141,11 @@ class ImitationTrainer(LearningNode):
 
     def prepare(self) -> bool:
         """Decode the pictures, and meet the other processes."""
+        if self._settings.cluster:
+            self.context.log.info(
+                "%d workers of the cluster %s learn", self._group.size, self._settings.cluster
+            )
+            return True
         if not self._album.fill(_Told(self.context, self._album.frames)):
             return False
         if self._group.size > 1:
@@ -150,13 +185,15 @@ class ImitationTrainer(LearningNode):
     def is_asked_to_stop(self) -> bool:
         """Whether to stop: several processes stop after the same update."""
         stopping = self.context.stopping
-        if self._group.size == 1:
+        if self._group.size == 1 and not self._settings.cluster:
             return stopping
         self._learner.stops = stopping
         return bool(self._learner.stopped)
 
     def advance(self) -> Mapping[str, float] | None:
-        """Make one update."""
+        """Make one update, or follow those of a cluster."""
+        if self._settings.cluster:
+            return self._followed()
         from joshua_imitation.group import PARTING_S, OthersError
 
         row: Mapping[str, float] | None = None
@@ -173,6 +210,29 @@ class ImitationTrainer(LearningNode):
             self._learner.paused(time.perf_counter() - began_s)
             row = {"steps": self.steps, **(row or {}), **found} if found else row
         return row
+
+    def _followed(self) -> Mapping[str, float] | None:
+        """Wait a moment for the workers; those that were lost are counted."""
+        learner, before = self._learner, self._learner.checkpoint
+        try:
+            row = learner.update()
+        except JobError as error:
+            raise RunError(f"{error}, with resume_run") from error
+        if learner.lost > self._lost:
+            self.context.log.warning(
+                "workers lost: %d; all begin again from the last checkpoint", learner.lost - self._lost
+            )
+            self._lost = learner.lost
+            self.context.show(self._shown({"workers_lost": float(self._lost)}))
+        if learner.checkpoint != before:
+            self.context.log.info("checkpoint %s", learner.checkpoint)
+        self.context.progress("training", float(self.steps), float(self.total), unit=self.UNIT)
+        return None if row is None else {**row, "workers_lost": float(self._lost)}
+
+    def _save(self) -> None:
+        """Save, unless the workers of a cluster do."""
+        if not self._settings.cluster:
+            super()._save()
 
     def save(self) -> Path:
         """Write a checkpoint in LeRobot's format."""

@@ -48,6 +48,7 @@ class ImitationSettings(RunSettings):
     """
 
     BLOCK = "imitation_config"
+    SPREADS = True
     REQUIRED = ("dataset_name", "num_epochs", "learning_rate", "batch_size")
 
     dataset: str = ""
@@ -125,6 +126,11 @@ class ImitationSettings(RunSettings):
     def is_on_robot(self) -> bool:
         """Whether a person marks episodes on the robot from time to time."""
         return self.environment == "ENV_REAL"
+
+    @property
+    def size(self) -> int:
+        """Processes that learn together, on all machines."""
+        return self.cluster_workers or 1 if self.cluster else self.processes * self.machines
 
     @property
     def loss(self) -> str:
@@ -226,6 +232,9 @@ class ImitationSettings(RunSettings):
 
     def _group_problems(self) -> Iterator[FieldError]:
         """Yield what several processes and machines lack."""
+        if self.cluster:
+            yield from self._cluster_problems()
+            return
         if self.processes > 1 and self.device == "mps":
             yield _error(
                 "processes",
@@ -251,6 +260,29 @@ class ImitationSettings(RunSettings):
                 f"Machines are counted from 0, so {self.machines} of them have no number {self.machine_rank}",
                 allowed=tuple(map(str, range(min(self.machines, 8)))),
                 remedy="correct it, or raise machines",
+            )
+
+    def _cluster_problems(self) -> Iterator[FieldError]:
+        """Yield what does not go together with a cluster, whose workers are the processes."""
+        if self.cluster_workers is None:
+            yield FieldError(
+                "cluster",
+                "Each worker adds its batch to every update, so the result depends on the number of workers",
+                remedy="add workers to cluster, for example workers: 2",
+            )
+        for name in ("processes", "machines", "machine_rank", "main_address"):
+            if getattr(self, name) != type(self).model_fields[name].default:
+                yield _error(
+                    name,
+                    f"{name} has no effect with a cluster: its workers are the processes, which Ray connects",
+                    remedy=f"remove {name}, and write the number of processes as workers in cluster",
+                )
+        if self.device == "mps":
+            yield _error(
+                "device",
+                "The workers of a cluster learn on cpu or cuda, because PyTorch connects no others",
+                allowed=('"cpu"', '"cuda"', '"auto"'),
+                remedy='write device: "cpu"',
             )
 
     def _dataset_problems(self) -> Iterator[FieldError]:

@@ -1,4 +1,4 @@
-"""What an executor does: functions over items, and objects that live in the workers."""
+"""What an executor does: functions over items, objects that live in workers, workers that are connected."""
 
 from __future__ import annotations
 
@@ -29,6 +29,10 @@ class JobError(Exception):
 
 class Stopped(Exception):
     """The caller stopped the work."""
+
+
+class Disconnected(Exception):
+    """A function that works together with others cannot reach them: a worker is lost."""
 
 
 def never() -> bool:
@@ -68,11 +72,24 @@ class Crew(ABC):
         """End the objects. Idempotent."""
 
 
+class Post(ABC):
+    """What a function that works together with others has of its caller."""
+
+    @abstractmethod
+    def tell(self, value: Any) -> None:
+        """Send a value, which the caller gets after all earlier ones of this worker."""
+
+    @property
+    @abstractmethod
+    def stopping(self) -> bool:
+        """Whether the caller wants the function to return soon."""
+
+
 class Executor(ABC):
     """Workers that do jobs.
 
     Attributes:
-        lost: how often a job was repeated because its worker was lost.
+        lost: how often a worker was lost, and its work repeated.
     """
 
     lost = 0
@@ -104,6 +121,32 @@ class Executor(ABC):
     @abstractmethod
     def crew(self, make: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> Crew:
         """Make one object for each tuple of arguments, each in a worker of its own."""
+
+    def together(
+        self,
+        function: Callable[[Item, Post], None],
+        item: Item,
+        count: int,
+        gpus: bool | None = None,
+        stopping: Callable[[], bool] = never,
+    ) -> Iterator[Any]:
+        """Run a function in several workers at once; yield what they tell, None from time to time.
+
+        The workers are connected as a process group of PyTorch, which the variables of ``torchrun`` describe
+        (RANK, WORLD_SIZE, MASTER_ADDR ...). If one is lost, all begin again, in other processes: the function
+        continues from what it saved.
+
+        Args:
+            function: at module level, which another process can import. It raises ``Disconnected`` if others
+                are lost; any other exception ends all and is raised here.
+            item: given to the function, with a ``Post``; count: of the workers.
+            gpus: whether each has a GPU; None for GPUs if there are enough.
+            stopping: asked while waiting; it stops nothing here, but the function knows it by its ``Post``.
+
+        Raises:
+            JobError: the workers cannot be had or connected, or are lost again and again.
+        """
+        raise JobError(f"{type(self).__name__} cannot connect its workers with each other")
 
     @abstractmethod
     def close(self) -> None:

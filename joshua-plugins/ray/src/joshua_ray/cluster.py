@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import os
 import re
 import time
@@ -11,10 +12,11 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from joshua_jobs.executor import Crew, Executor, Item, JobError, Result, Stopped, never
+from joshua_jobs.executor import Crew, Executor, Item, JobError, Post, Result, Stopped, never
 
 from joshua_ray.addresses import LOCAL
 from joshua_ray.joining import joined, started_here
+from joshua_ray.together import run
 
 #: How often a waiting executor asks whether it is stopped, and whether a worker is left.
 POLL_S = 0.5
@@ -27,6 +29,9 @@ ATTEMPTS = 4
 
 #: Share of a core that a member of a crew reserves, so that the cores left after a loss suffice for all.
 SHARE = 0.1
+
+#: What Ray Train requires beside Ray.
+_FOR_RAY_TRAIN = ("fsspec", "pandas", "psutil", "pyarrow", "pydantic", "requests")
 
 
 class Cluster(Executor):
@@ -53,19 +58,19 @@ class Cluster(Executor):
         cores = int(self.cores())
         return cores if self._limit is None else min(cores, self._limit)
 
-    def cores(self) -> float:
-        """Return the cores of the nodes that are alive, which tasks can reserve."""
+    def cores(self, resource: str = "CPU") -> float:
+        """Return the cores, or GPUs, of the nodes that are alive, which tasks can reserve."""
         nodes = self._ray.nodes()
-        return sum(float(node["Resources"].get("CPU", 0.0)) for node in nodes if node["Alive"])
+        return sum(float(node["Resources"].get(resource, 0.0)) for node in nodes if node["Alive"])
 
     def largest(self) -> float:
         """Return the cores of the node that has the most."""
         nodes = [node for node in self._ray.nodes() if node["Alive"]]
         return max((float(node["Resources"].get("CPU", 0.0)) for node in nodes), default=0.0)
 
-    def patience(self, needed: float) -> Patience:
-        """Return what raises JobError once the cluster has had too few cores for a while."""
-        return Patience(self, needed, self._patience_s)
+    def patience(self, needed: float, resource: str = "CPU") -> Patience:
+        """Return what raises JobError once the cluster has had too few cores, or GPUs, for a while."""
+        return Patience(self, needed, self._patience_s, resource)
 
     def in_order(
         self,
@@ -93,6 +98,26 @@ class Cluster(Executor):
     def crew(self, make: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> Crew:
         """See ``Executor``."""
         return _RayCrew(self, self._ray, make, arguments)
+
+    def together(
+        self,
+        function: Callable[[Item, Post], None],
+        item: Item,
+        count: int,
+        gpus: bool | None = None,
+        stopping: Callable[[], bool] = never,
+    ) -> Iterator[Any]:
+        """See ``Executor``."""
+        for name in _FOR_RAY_TRAIN:
+            if importlib.util.find_spec(name) is None:
+                raise JobError(
+                    f"workers that learn together require {name}, which is not installed: install "
+                    "joshua-ray[train] on every node",
+                    3,
+                )
+        if gpus is None:
+            gpus = self.cores("GPU") >= count
+        return run(self, self._ray, SHARE, function, item, count, gpus, stopping)
 
     def close(self) -> None:
         """See ``Executor``."""
@@ -135,6 +160,39 @@ class Cluster(Executor):
                 raise Stopped
             patience.check()
 
+    def asked(self, answer: Any) -> Any:
+        """Return the answer of an actor on this node. Raises JobError if it is lost, and so the node."""
+        found = self.answered(answer)
+        if isinstance(found, _Lost):
+            raise JobError(
+                f"the cluster {self.address} is lost: {found.why}. Start it, and run the command again"
+            )
+        return found
+
+    def end_of(self, work: Any) -> None:
+        """Wait for the end of connected workers. Raises JobError if they could not work together."""
+        try:
+            found = self.answered(work)
+        except JobError:
+            raise
+        except Exception as error:
+            said = str(error).strip()
+            if "No module named" in said:
+                raise self._without(_imported_in_vain(said)) from error
+            last = said.splitlines()[-1] if said else type(error).__name__
+            raise JobError(
+                f"the workers of the cluster {self.address} cannot work together: {last[:300]}. Let the "
+                "nodes connect to each other on all ports, and run the command again"
+            ) from error
+        if isinstance(found, _Lost):
+            raise JobError(f"the cluster {self.address} is lost: {found.why}. Run the command again")
+
+    def _without(self, module: str) -> JobError:
+        return JobError(
+            f"a worker of the cluster {self.address} cannot import {module}: install "
+            "the same distributions of JOSHUA on every node"
+        )
+
     def answered(self, answer: Any) -> Any:
         """Return an answer that is there, or ``_Lost``. Raises the exception of the job."""
         from ray import exceptions
@@ -144,11 +202,7 @@ class Cluster(Executor):
         except exceptions.RayTaskError as error:
             cause = getattr(error, "cause", None)
             if isinstance(cause, ImportError) or "failed to import on the worker" in str(cause):
-                missing = getattr(cause, "name", None) or _imported_in_vain(str(cause))
-                raise JobError(
-                    f"a worker of the cluster {self.address} cannot import {missing}: install "
-                    "the same distributions of JOSHUA on every node"
-                ) from error
+                raise self._without(getattr(cause, "name", None) or _imported_in_vain(str(cause))) from error
             if isinstance(cause, Exception):
                 raise cause from None
             raise JobError(f"a job failed: {error}") from error
@@ -171,21 +225,31 @@ class Patience:
 
     Args:
         cluster: asked for its cores; needed: cores; limit_s: how long they may be missing.
+        resource: what is needed, ``CPU`` or ``GPU``.
     """
 
-    def __init__(self, cluster: Cluster, needed: float, limit_s: float) -> None:
+    def __init__(self, cluster: Cluster, needed: float, limit_s: float, resource: str = "CPU") -> None:
         self._cluster, self._needed, self._limit_s = cluster, needed, limit_s
+        self._resource = resource
         self._since: float | None = None
 
     def check(self) -> None:
         """To be called often. Raises JobError if cores have been missing for too long."""
-        if self._cluster.cores() >= self._needed:
+        there = self._cluster.cores(self._resource)
+        if there >= self._needed:
             self._since = None
             return
         now = time.monotonic()
         self._since = now if self._since is None else self._since
         if now - self._since >= self._limit_s:
             address = self._cluster.address
+            if there:
+                kind = "cores" if self._resource == "CPU" else f"{self._resource}s"
+                raise JobError(
+                    f"the cluster {address} has {there:g} {kind}, and its workers have required "
+                    f"{self._needed:g} for {self._limit_s:g} s. Start nodes (ray start --address={address}), "
+                    "or write fewer workers"
+                )
             raise JobError(
                 f"all workers of the cluster {address} are lost: no node with a free core for "
                 f"{self._limit_s:g} s. Start nodes (ray start --address={address}), and run the "

@@ -87,12 +87,18 @@ class RunSettings(BlockSettings):
     def _has_a_usable_cluster(self) -> Self:
         if not self.cluster:
             return self
-        if not self.SPREADS or self.environment == "ENV_REAL":
+        if not self.SPREADS:
             raise FieldError(
                 "cluster",
-                "A cluster shares the rollouts of PPO with BACKEND_MUJOCO, and the episodes of an evaluation "
-                "in simulation; it has no effect here",
+                "A cluster shares the rollouts of PPO with BACKEND_MUJOCO, the updates of METHOD_IMITATION, "
+                "and the episodes of an evaluation in simulation; it has no effect here",
                 remedy="remove it",
+            )
+        if self.environment == "ENV_REAL":
+            raise FieldError(
+                "cluster",
+                "With ENV_REAL, this run drives a robot, and whoever reaches a cluster can run code in it",
+                remedy="remove it, or write environment: ENV_SIMULATION in training",
             )
         try:
             check_address("ray", self.cluster)

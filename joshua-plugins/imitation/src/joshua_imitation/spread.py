@@ -1,0 +1,226 @@
+"""A training whose processes are the workers of a cluster: what each of them does, and who follows them.
+
+The workers learn as several processes of one machine do. The first of them writes the checkpoints into the
+run's folder, which is the same on every machine. When a worker is lost, all begin again from the last one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, TypeVar
+
+import torch
+from joshua_jobs.executor import Disconnected, Executor, Post
+from joshua_training.run_folder import RunError, RunFolder
+
+from joshua_imitation.build import Built, build, refuse_half
+from joshua_imitation.group import Group, LostError, OthersError
+from joshua_imitation.learner import Learner
+from joshua_imitation.settings import ImitationSettings
+
+#: How often the first worker tells its progress where no metrics are due.
+TELL_S = 0.5
+
+_Found = TypeVar("_Found")
+
+
+class SpreadLearner:
+    """Follows the workers, in the place of a learner of this process.
+
+    Args:
+        executor: the cluster; settings: of the training; folder: of the run.
+        steps: updates so far; total: of the whole training.
+
+    Attributes:
+        stops, stopped: see ``Learner``; lost: workers that were lost; checkpoint: the last one, "" before.
+    """
+
+    def __init__(
+        self, executor: Executor, settings: ImitationSettings, folder: RunFolder, steps: int, total: int
+    ) -> None:
+        self.steps, self.total, self._folder, self._executor = steps, total, folder, executor
+        self.stops = self.stopped = False
+        self.checkpoint = ""
+        self.learns = False
+        private = {"cluster", "cluster_workers", "resume_run", "tracking"}
+        told = {
+            "settings": settings.model_dump(mode="json", exclude=private),
+            "run": str(folder.path),
+            "name": f"joshua-training-{os.urandom(8).hex()}",
+        }
+        self._told = executor.together(
+            learn,
+            told,
+            settings.size,
+            {"auto": None, "cuda": True}.get(settings.device, False),
+            lambda: self.stops,
+        )
+
+    @property
+    def lost(self) -> int:
+        """Workers that were lost so far."""
+        return self._executor.lost
+
+    def update(self) -> dict[str, float] | None:
+        """Wait a moment for what the workers tell; return a row of metrics if there is one.
+
+        Raises:
+            RunError: they cannot learn; JobError: there are too few, or none.
+        """
+        if self.stops and not self.learns:
+            self.stopped = True  # before there was anything to save
+            return None
+        told = next(self._told, None)
+        if told is None:
+            return None
+        self.learns = True
+        if "after" in told and told["after"] < self.steps:
+            self._folder.cut_metrics(told["after"])  # computed again
+        self.steps = told.get("steps", self.steps)
+        self.checkpoint = told.get("saved") or self.checkpoint
+        if told.get("ended"):
+            self.stopped = True
+            for _ in self._told:  # until the others have ended, too
+                continue
+        row: dict[str, float] | None = told.get("row")
+        return row
+
+    def close(self) -> None:
+        """Leave the cluster, which ends its workers."""
+        self._executor.close()
+
+
+def learn(told: dict[str, Any], post: Post) -> None:
+    """Learn in one of several connected workers, to the end or until the caller stops.
+
+    Raises:
+        Disconnected: a worker is lost. RunError: learning cannot go on.
+    """
+    os.environ.setdefault("TOKENIZERS_PARALLELISM", "false")
+    settings = ImitationSettings.model_validate(told["settings"])
+    device = "cuda" if os.environ.get("ACCELERATE_TORCH_DEVICE", "").startswith("cuda") else "cpu"
+    group = Group.of_environment(device)
+    torch.set_num_threads(settings.threads or max(1, len(os.sched_getaffinity(0)) // group.each))
+    try:
+        group.join()
+        with _scratch(told["name"], group):
+            _learn(settings, group, Path(told["run"]), post)
+    except LostError as error:
+        raise Disconnected(str(error)) from error
+    except OthersError:
+        return  # that one tells why
+
+
+def _learn(settings: ImitationSettings, group: Group, path: Path, post: Post) -> None:
+    def opened() -> tuple[RunFolder, Path | None]:
+        refuse_half(settings, group.device)
+        if not (path / "run.json").is_file():
+            raise RunError(
+                f"the node {os.uname().nodename} has no {path}: give the folder of the runs the same path on "
+                "every machine, for example on a network file system"
+            )
+        folder = RunFolder(path)
+        return folder, next(reversed(folder.checkpoints()), None)
+
+    folder, continued = _by_all(group, opened)
+    with contextlib.ExitStack() as ends:
+        made = _built(settings, group, continued, ends)
+
+        def learner_of_all() -> Learner:
+            learner = made.learner(folder)
+            ends.callback(learner.close)
+            if continued is not None:
+                learner.restore(continued)
+            return learner
+
+        learner = _by_all(group, learner_of_all)
+        learner.begin()
+        _follow(learner, settings, group.rank == 0, post)
+
+
+def _built(
+    settings: ImitationSettings, group: Group, continued: Path | None, ends: contextlib.ExitStack
+) -> Built:
+    """Build the training; the first worker of a machine decodes the pictures for all there."""
+
+    def built(decoded: Path | None = None) -> Built:
+        made = build(settings, continued, group, decoded)
+        ends.callback(made.album.close)
+        return made
+
+    def first() -> Built | None:
+        if group.local:
+            return None
+        made = built()
+        made.album.fill(lambda count: True)
+        return made
+
+    made = _by_all(group, first)
+    shared = made.album.shared if made is not None else None
+    places = group.gather(str(shared or ""))
+    place = places[group.rank - group.local]
+    return _by_all(group, lambda: made or built(Path(place) if place else None))
+
+
+def _follow(learner: Learner, settings: ImitationSettings, tells: bool, post: Post) -> None:
+    """Make the updates; the first worker saves, and tells what there is."""
+    began = kept = learner.steps
+    told_s = float("-inf")
+    while learner.steps < learner.total and not learner.stopped:
+        learner.stops = post.stopping
+        before = learner.steps
+        try:
+            row = learner.update()
+        except LostError:
+            raise
+        except RunError:
+            if tells and before != kept:
+                post.tell({"steps": before, "saved": str(learner.save())})
+            raise
+        if not tells:
+            continue
+        news: dict[str, Any] = {"steps": learner.steps, "row": row}
+        if before == began:
+            news["after"] = began
+        ends = learner.steps >= learner.total or learner.stopped
+        if ends or learner.steps - kept >= settings.checkpoint_steps:
+            news["saved"], kept = str(learner.save()), learner.steps
+        if ends:
+            news["ended"] = True
+        if len(news) > 2 or row is not None or time.monotonic() - told_s >= TELL_S:
+            post.tell(news)
+            told_s = time.monotonic()
+
+
+def _by_all(group: Group, work: Callable[[], _Found]) -> _Found:
+    """Do something in every worker, and raise where it failed in any."""
+    try:
+        found = work()
+    except RunError:
+        group.agree(True, False)
+        raise
+    if group.agree(False, False)[0]:
+        raise OthersError("another worker of the training failed: see its message")
+    return found
+
+
+@contextlib.contextmanager
+def _scratch(name: str, group: Group) -> Iterator[None]:
+    """Keep temporary files in a folder that workers which begin again find and remove."""
+    place = Path(tempfile.gettempdir())
+    if group.local == 0:
+        for left in place.glob(f"{name}-*"):
+            shutil.rmtree(left, ignore_errors=True)
+    group.sum([0.0])
+    tempfile.tempdir = tempfile.mkdtemp(prefix=f"{name}-", dir=place)
+    try:
+        yield
+    finally:
+        shutil.rmtree(tempfile.tempdir, ignore_errors=True)
+        tempfile.tempdir = str(place)
