@@ -73,7 +73,7 @@ def trained(
     finally:
         given_up.set()
         try:
-            context.stop()
+            context.stop(200)
         finally:
             node.cleanup()
     return node.folder.path, context
@@ -128,7 +128,7 @@ def test_a_stopped_training_continues_on_the_cluster_until_its_loss_is_no_number
 ) -> None:
     spread = cluster(nodes)
     run, context = trained(
-        write_imitation(tmp_path, recording, spread, num_epochs=100000), lambda context, _: context.stop()
+        write_imitation(tmp_path, recording, spread, num_epochs=100000), lambda context, _: context.stop(200)
     )
     assert context.ends == []
     steps = int(rows(run)[-1]["steps"])
