@@ -115,7 +115,7 @@ def test_no_node_of_a_robot_loads_ray() -> None:
         for path in (ROOT / "joshua-plugins").glob("*/src/**/*.py")
         if any(line.strip().startswith(("import ray", "from ray")) for line in path.read_text().splitlines())
     }
-    names = ("cluster", "fitting", "together", "trial", "tuning")
+    names = ("cluster", "fitting", "joining", "together", "trial", "tuning")
     assert loading == {f"ray/src/joshua_ray/{name}.py" for name in names}
     code = "import sys, joshua_ray.executor; print('ray' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
