@@ -129,7 +129,7 @@ class Learner:
     def _diverged(self, what: str) -> RunError:
         return RunError(
             f"{what} is not a number after {self.steps} steps: lower learning_rate, or raise batch_size; the "
-            "last checkpoint is from before that"
+            "checkpoints are from before that"
         )
 
     def last_batch(self) -> dict[str, Any]:

@@ -99,7 +99,7 @@ class Learner:
         if lost or not self._finite((tree["weights"], tree["normalise"])):
             raise DivergedError(
                 f"{', '.join(lost) or 'a weight'} is not a number after {self.steps} steps: lower "
-                "learning_rate, or raise batch_size; the last checkpoint is from before that"
+                "learning_rate, or raise batch_size; the checkpoints are from before that"
             )
         self.tree, taken = tree, self._n_steps * settings.num_envs
         self.steps += taken

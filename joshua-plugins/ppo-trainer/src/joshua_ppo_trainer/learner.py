@@ -177,7 +177,7 @@ class Learner:
     def _diverged(self, what: str) -> DivergedError:
         return DivergedError(
             f"{what} is not a number after {self.steps} steps: lower learning_rate, or raise batch_size; "
-            "the last checkpoint is from before that"
+            "the checkpoints are from before that"
         )
 
     def snapshot(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
