@@ -191,6 +191,8 @@ def test_a_torn_description_is_named(tmp_path: Path) -> None:
 
 
 def test_folders_are_relative_to_the_file_and_the_store_says_where_the_data_is(tmp_path: Path) -> None:
+    (tmp_path / "runs" / "a").mkdir(parents=True)
+    (tmp_path / "runs" / "a" / "run.json").write_text("{}")
     block = pb.Training(
         environment=pb.ENV_SIMULATION,
         imitation_config=pb.ImitationConfig(dataset_name="demos", resume_run="runs/a"),

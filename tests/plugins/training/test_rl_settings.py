@@ -153,10 +153,28 @@ def test_the_setting_that_halves_the_memory_is_known() -> None:
 
 
 @each_trainer
-def test_folders_are_relative_to_the_file(trainer: str) -> None:
+def test_folders_are_relative_to_the_file(trainer: str, tmp_path: Path) -> None:
+    (tmp_path / "runs" / "a").mkdir(parents=True)
+    (tmp_path / "runs" / "a" / "run.json").write_text("{}")
     block = pb.Training(environment=pb.ENV_SIMULATION, rl_config=pb.RLConfig(num_envs=9, resume_run="runs/a"))
-    made = TRAINERS[trainer].from_block(block, context=BlockContext(folder="/robots"))
-    assert (made.output_folder, made.resume_run) == ("/robots/runs", "/robots/runs/a")
+    made = TRAINERS[trainer].from_block(block, context=BlockContext(folder=str(tmp_path)))
+    assert (made.output_folder, made.resume_run) == (f"{tmp_path}/runs", f"{tmp_path}/runs/a")
+
+
+@each_trainer
+def test_a_run_to_continue_must_exist(trainer: str, tmp_path: Path) -> None:
+    for name in ("reach-20261122", "ant-20261122"):
+        (tmp_path / "runs" / name).mkdir(parents=True)
+        (tmp_path / "runs" / name / "run.json").write_text("{}")
+    (tmp_path / "runs" / "empty").mkdir()
+    run = tmp_path / "runs" / "reach-20261123"
+    (error,) = errors(trainer, f'rl_config.resume_run="{run}"')
+    assert error.field_path == "ai.training.rl_config.resume_run"
+    assert error.message == (
+        f"There is no run 'reach-20261123' in {tmp_path}/runs: a run is a folder with a run.json."
+    )
+    assert error.allowed == ("reach-20261122", "ant-20261122")
+    assert error.remedy == "Name the folder that a run logs at its start, or remove resume_run."
 
 
 @each_trainer

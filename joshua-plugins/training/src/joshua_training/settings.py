@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 from joshua.api import BlockContext, BlockSettings, FieldError
+from joshua.tools import nearest_first
 from joshua_jobs.choice import check_address
 from joshua_jobs.executor import JobError
 from pydantic import Field, model_validator
@@ -82,6 +83,19 @@ class RunSettings(BlockSettings):
         if self.launching:
             self.tracking.require()
         return self
+
+    @model_validator(mode="after")
+    def _continues_a_run(self) -> Self:
+        run = Path(self.resume_run)
+        if not self.resume_run or (run / "run.json").is_file():
+            return self
+        there = [found.parent.name for found in run.parent.glob("*/run.json")]
+        raise FieldError(
+            f"{self.BLOCK}.resume_run",
+            f"There is no run {run.name!r} in {run.parent}: a run is a folder with a run.json",
+            allowed=nearest_first(run.name, there)[:3],
+            remedy="name the folder that a run logs at its start, or remove resume_run",
+        )
 
     @model_validator(mode="after")
     def _has_a_usable_cluster(self) -> Self:
