@@ -11,7 +11,7 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -26,6 +26,9 @@ from joshua_imitation.settings import ImitationSettings
 
 #: How often the first worker tells its progress where no metrics are due.
 TELL_S = 0.5
+
+#: Stands for what nobody tells any more.
+_GONE: Mapping[str, Any] = {"ended": True}
 
 _Found = TypeVar("_Found")
 
@@ -76,18 +79,23 @@ class SpreadLearner:
         if self.stops and not self.learns:
             self.stopped = True  # before there was anything to save
             return None
-        told = next(self._told, None)
+        told = next(self._told, _GONE)
         if told is None:
             return None
+        row = self._take(told)
+        if self.stopped or self.steps >= self.total:
+            for more in self._told:  # until all have ended, and the last checkpoint is there
+                if more is not None:
+                    row = self._take(more) or row
+        return row
+
+    def _take(self, told: Mapping[str, Any]) -> dict[str, float] | None:
         self.learns = True
         if "after" in told and told["after"] < self.steps:
             self._folder.cut_metrics(told["after"])  # computed again
         self.steps = told.get("steps", self.steps)
         self.checkpoint = told.get("saved") or self.checkpoint
-        if told.get("ended"):
-            self.stopped = True
-            for _ in self._told:  # until the others have ended, too
-                continue
+        self.stopped = bool(told.get("ended"))
         row: dict[str, float] | None = told.get("row")
         return row
 
@@ -188,14 +196,16 @@ def _follow(learner: Learner, settings: ImitationSettings, tells: bool, post: Po
         news: dict[str, Any] = {"steps": learner.steps, "row": row}
         if before == began:
             news["after"] = began
-        ends = learner.steps >= learner.total or learner.stopped
-        if ends or learner.steps - kept >= settings.checkpoint_steps:
-            news["saved"], kept = str(learner.save()), learner.steps
-        if ends:
-            news["ended"] = True
-        if len(news) > 2 or row is not None or time.monotonic() - told_s >= TELL_S:
-            post.tell(news)
+        saves = learner.steps - kept >= settings.checkpoint_steps
+        if len(news) > 2 or saves or row is not None or time.monotonic() - told_s >= TELL_S:
+            post.tell(news)  # before the checkpoint, after which no worker would compute it again
             told_s = time.monotonic()
+        if saves:
+            path, kept = learner.save(), learner.steps
+            post.tell({"steps": kept, "saved": str(path)})
+    if tells:
+        last = str(learner.save()) if learner.steps != kept else ""
+        post.tell({"steps": learner.steps, "saved": last, "ended": True})
 
 
 def _by_all(group: Group, work: Callable[[], _Found]) -> _Found:
