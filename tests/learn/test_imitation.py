@@ -102,6 +102,24 @@ def differ(one: dict[str, Any], other: dict[str, Any]) -> bool:
     return one.keys() != other.keys() or any(not torch.equal(one[key], other[key]) for key in one)
 
 
+@pytest.mark.parametrize("schedule", ["constant", "cosine"])
+def test_a_continued_training_takes_the_learning_rate_of_its_file(
+    learner: Callable[..., Learner], schedule: str
+) -> None:
+    fields = {"learning_rate_schedule": schedule, "report_steps": 1}
+    first = learner(**fields)
+    began = rows(first, 4)
+    checkpoint = first.save()
+    same = rows(learner(checkpoint, **fields), 5)
+    lower = rows(learner(checkpoint, **fields, learning_rate=1e-4), 5)
+    again, changed = (found[0]["optimiser/learning_rate"] for found in (same, lower))
+    assert changed == pytest.approx(again / 10, rel=1e-6)
+    if schedule == "constant":
+        assert again == began[-1]["optimiser/learning_rate"] == 1e-3
+    else:
+        assert again != began[-1]["optimiser/learning_rate"]
+
+
 @pytest.mark.parametrize("windows", [Windows((), tuple(range(5))), Windows((-1, 0), (-1, 0, 1, 2))])
 @pytest.mark.parametrize("room_mb", [100, 0], ids=["decoded", "while reading"])
 def test_batches_are_those_of_lerobots_data_sets(recording: Path, windows: Windows, room_mb: int) -> None:

@@ -6,7 +6,7 @@ import json
 import os
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
@@ -302,10 +302,8 @@ class Learner:
                 raise ValueError("its optimiser has more weights than the policy")
             whole["state"] = memory
             parts.optimiser.load_state_dict(whole)
-            for group, rate in zip(parts.optimiser.param_groups, state["learning_rates"], strict=True):
-                group["lr"] = rate
             if parts.schedule is not None:
-                parts.schedule.load_state_dict(parts.schedule.state_dict() | state["schedule"])
+                self._continue_schedule(dict(state["schedule"]), state["learning_rates"])
             if self._scaler.is_enabled() and state["scaler"]:
                 self._scaler.load_state_dict(state["scaler"])
             torch.set_rng_state(arrays["generator.torch"])
@@ -318,6 +316,16 @@ class Learner:
                 f"the checkpoint {folder} does not fit the policy of this file: {error}: continue with the "
                 "settings of the run"
             ) from error
+
+    def _continue_schedule(self, saved: dict[str, Any], rates: Sequence[float]) -> None:
+        """Continue where the step size was, in proportion to the ``learning_rate`` of this file."""
+        schedule, groups = self.parts.schedule, self.parts.optimiser.param_groups
+        for group, rate, then, now in zip(
+            *(groups, rates, saved.pop("base_lrs"), schedule.base_lrs), strict=True
+        ):
+            group["lr"] = rate * (now / then)
+        saved["_last_lr"] = [group["lr"] for group in groups]
+        schedule.load_state_dict(schedule.state_dict() | saved)
 
 
 def read_state(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
