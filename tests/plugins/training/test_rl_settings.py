@@ -173,7 +173,7 @@ def test_a_run_to_continue_must_exist(trainer: str, tmp_path: Path) -> None:
     assert error.message == (
         f"There is no run 'reach-20261123' in {tmp_path}/runs: a run is a folder with a run.json."
     )
-    assert error.allowed == ("reach-20261122", "ant-20261122")
+    assert error.allowed == tuple(f"{tmp_path}/runs/{name}" for name in ("reach-20261122", "ant-20261122"))
     assert error.remedy == "Name the folder that a run logs at its start, or remove resume_run."
 
 

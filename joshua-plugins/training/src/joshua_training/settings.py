@@ -93,7 +93,7 @@ class RunSettings(BlockSettings):
         raise FieldError(
             f"{self.BLOCK}.resume_run",
             f"There is no run {run.name!r} in {run.parent}: a run is a folder with a run.json",
-            allowed=nearest_first(run.name, there)[:3],
+            allowed=[str(run.parent / name) for name in nearest_first(run.name, there)[:3]],
             remedy="name the folder that a run logs at its start, or remove resume_run",
         )
 
