@@ -34,10 +34,14 @@ _ARM_ACTIONS = {
     "absolute": ActionMode(arm.take_goals, arm.lowest_goals, arm.highest_goals, arm.present_goals, "rad"),
 }
 
-_SMOOTH = (
-    RewardTerm("action_change", common.action_change, -0.01),
-    RewardTerm("joint_speed", common.joint_speed, -0.0005, {"qvel": _ARM}),
-)
+
+def _smooth(action_change: float) -> tuple[RewardTerm, ...]:
+    """Return the costs of uneven motion; ``action_change``: weight of that term."""
+    return (
+        RewardTerm("action_change", common.action_change, action_change),
+        RewardTerm("joint_speed", common.joint_speed, -0.0005, {"qvel": _ARM}),
+    )
+
 
 _DIVERGED = TerminationTerm("diverged", common.not_finite)
 
@@ -82,7 +86,7 @@ def reach(reward: str = "reach") -> Task:
             RewardTerm("fine_approach", arm.closeness, 2.0, {**sites, "scale_m": 0.02}, potential=True),
             RewardTerm("reached", arm.within_reward, 10.0, done),
             RewardTerm("time", common.alive, -0.02),
-            *_SMOOTH,
+            *_smooth(-0.01),
         ),
         "reach_sparse": (RewardTerm("reached", arm.within_reward, 1.0, done),),
     }
@@ -123,8 +127,7 @@ def pick_place(reward: str = "pick_place") -> Task:
             RewardTerm("dropped", arm.dropped_reward, -20.0),
             RewardTerm("time", common.alive, -0.02),
             # a fifth of reaching's: the noise of exploring would cost most of what approaching earns
-            RewardTerm("action_change", common.action_change, -0.002),
-            RewardTerm("joint_speed", common.joint_speed, -0.0005, {"qvel": _ARM}),
+            *_smooth(-0.002),
         ),
         "pick_place_sparse": (RewardTerm("placed", arm.placed_reward, 1.0, done),),
     }
