@@ -8,14 +8,17 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from gymnasium import spaces
+from joshua.plan import ChosenEnvironment
 from joshua.planner.pipeline import examine
 from joshua.planner.request import Request
 from joshua.schema import config_pb2 as pb
 from joshua.testing.recording_context import RecordingContext
 from joshua_mujoco_sim.envs import TASKS
+from joshua_mujoco_sim.model_file import model_file
 from joshua_ppo_trainer import files
 from joshua_ppo_trainer.policy import Policy
 from joshua_training.memory import remedied
@@ -26,7 +29,7 @@ jax = pytest.importorskip("jax", reason="needs JAX: run ./test -s mjx")
 jnp = pytest.importorskip("jax.numpy")
 
 from joshua_mjx_trainer import network  # noqa: E402
-from joshua_mjx_trainer.environment import KeyDraws, MjxEnvironments, Step  # noqa: E402
+from joshua_mjx_trainer.environment import KeyDraws, MjxEnvironments, Step, variant_of  # noqa: E402
 from joshua_mjx_trainer.learner import Learner  # noqa: E402
 from joshua_mjx_trainer.node import MjxTrainer  # noqa: E402
 from joshua_mjx_trainer.settings import MjxSettings  # noqa: E402
@@ -57,7 +60,7 @@ def single_precision() -> Any:
 class Points:
     """Environments that compile at once: points on a line, which the action moves to their goals."""
 
-    task = SimpleNamespace(action_size=2)
+    task = SimpleNamespace(action_size=2, judges_success=True)
     single_observation_space = spaces.Box(-np.inf, np.inf, (3,), np.float32)
 
     def reset(self, keys: Any) -> Any:
@@ -190,6 +193,39 @@ def test_the_policy_of_a_checkpoint_acts_as_the_one_that_learned() -> None:
         shown = made._shown(observations, made.tree["normalise"]["observed"])
         expected = jnp.clip(network.mean_action(made.tree["weights"], shown, made._settings), -1.0, 1.0)
         assert Policy(about, policy).act(observations) == pytest.approx(np.asarray(expected), abs=1e-5)
+
+
+def test_an_environment_of_another_kind_is_refused_and_many_take_long_on_a_cpu(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    plan = examine(Request(str(PRESET), overrides=("ai.training.rl_config.num_envs=300",))).plan
+    assert plan is not None
+    node = MjxTrainer(RecordingContext(plan.nodes[0]))
+    chosen = ChosenEnvironment("CartPole-v1", "", 300, 0, "gymnasium:make_vec")
+    said = (
+        "CartPole-v1 is not made of terms, which MuJoCo XLA requires: choose an environment of joshua-mujoco-"
+    )
+    with pytest.raises(RunError, match=said):
+        node.make(chosen, 0)
+    if jax.devices()[0].platform == "cpu":
+        assert "300 environments take minutes for each update on a CPU: set num_envs to 64" in caplog.text
+    node.cleanup()
+
+
+def test_a_model_that_jax_cannot_simulate_is_refused(tmp_path: Path) -> None:
+    task = TASKS["joshua/SoArm100Reach-v0"]()
+    packaged = model_file(variant_of(task.model_path))
+    spec = mujoco.MjSpec.from_file(str(packaged))
+    spec.option.solver = mujoco.mjtSolver.mjSOL_PGS
+    spec.meshdir = str((packaged.parent / spec.meshdir).resolve())
+    path = tmp_path / "pgs.xml"
+    spec.compile()
+    path.write_text(spec.to_xml())
+    said = (
+        rf"MuJoCo XLA cannot simulate {path}: .*PGS.*: simplify the model, or train with simulator_backend: B"
+    )
+    with pytest.raises(RunError, match=said):
+        MjxEnvironments(replace(task, model_path=str(path)))
 
 
 def test_a_task_with_arrays_of_its_own_is_refused() -> None:

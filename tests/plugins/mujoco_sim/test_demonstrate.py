@@ -39,6 +39,10 @@ def test_recorded_goals_make_the_same_episode_again(
     assert sum(value[0] for value in successes) == 2
     assert max(value[0] for value in rewards) > 9
     assert len(table["info.goal"][0]) == 3
+    terms = [key for key in table if key.startswith("info.reward.")]
+    assert terms == [f"info.reward.{term.name}" for term in environment.task.rewards]
+    total = np.sum([table[key] for key in terms], axis=0)
+    assert total == pytest.approx(np.array(rewards), abs=1e-5)
 
 
 def test_what_cannot_be_recorded_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -48,6 +52,8 @@ def test_what_cannot_be_recorded_is_said(tmp_path: Path, capsys: pytest.CaptureF
     assert f"{tmp_path} exists: name another folder" in capsys.readouterr().err
     assert main(["demonstrate", "SoArm100Reach-v0", str(tmp_path / "b"), "--cameras", "back"]) == 2
     assert "the model has no camera 'back': choose top, front, wrist" in capsys.readouterr().err
+    assert main(["demonstrate", "SoArm100Reach-v0", str(tmp_path / "b"), "--height", "48"]) == 2
+    assert "--height has no effect without pictures: add --cameras" in capsys.readouterr().err
     assert not (tmp_path / "b").exists()
     with pytest.raises(SystemExit):
         main(["demonstrate", "SoArm100Reach-v0", str(tmp_path / "c"), "--episodes", "0"])

@@ -31,6 +31,18 @@ def test_unknown_modes_are_refused() -> None:
         TermEnv(reach, observation_mode="pixels", cameras=["back"])
     with pytest.raises(ValueError, match="cameras have no effect with observation_mode 'state'"):
         TermEnv(reach, cameras=["front"])
+    refused: list[tuple[str, dict[str, Any]]] = [
+        ("shadows have", {"shadows": True}),
+        ("width has", {"width": 64}),
+        ("height has", {"height": 48}),
+    ]
+    for name, option in refused:
+        said = f"^{name} no effect with observation_mode 'state': choose pixels or both$"
+        with pytest.raises(ValueError, match=said):
+            TermEnv(reach, **option)
+        with pytest.raises(ValueError, match=said):
+            TermVectorEnv(reach, 2, **option)
+        TermEnv(reach, render_mode="rgb_array", **option).close()
     with pytest.raises(ValueError, match="DISABLED is not offered: choose NEXT_STEP or SAME_STEP"):
         TermVectorEnv(reach, 2, autoreset_mode="Disabled")
 
@@ -89,3 +101,16 @@ def test_observations_are_pictures_where_asked() -> None:
     assert list(only.reset(seed=0)[0]) == ["front"]
     for made in (one, many, only):
         made.close()
+
+
+@pytest.mark.skipif(not has_gl(), reason="no OpenGL library: sudo apt install libegl1 libgl1-mesa-dri")
+def test_shadows_darken_a_picture_where_asked() -> None:
+    pictures = []
+    for shadows in (False, True):
+        made = TermVectorEnv(
+            reach, 1, observation_mode="pixels", cameras=["top"], width=96, height=72, shadows=shadows
+        )
+        pictures.append(made.reset(seed=1)[0]["top"].astype(int))
+        made.close()
+    plain, shaded = pictures
+    assert ((shaded - plain) < -10).mean() > 0.01

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from joshua_mujoco_sim.envs import TASKS, make_environment
+from joshua_mujoco_sim.envs import TASKS, TermEnv, TermVectorEnv, make_environment
 from joshua_mujoco_sim.envs.experts import EXPERTS
 from joshua_mujoco_sim.plugin import ENVIRONMENTS
 
@@ -87,7 +87,16 @@ def test_finishing_pays_more_than_lingering(name: str, reward: str) -> None:
 def test_every_task_that_can_succeed_has_been_played() -> None:
     """A task with a success needs an expert, or the comparison above says nothing of it."""
     for name, task in TASKS.items():
-        assert (name in EXPERTS) == any(term.success for term in task().terminations)
+        assert (name in EXPERTS) == task().judges_success
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_only_a_task_that_can_succeed_speaks_of_success(name: str) -> None:
+    one, many = TermEnv(TASKS[name]), TermVectorEnv(TASKS[name], 2)
+    for environment in (one, many):
+        environment.reset(seed=0)
+        *_, info = environment.step(np.zeros(environment.action_space.shape))
+        assert ("is_success" in info) == environment.judges_success == (name in EXPERTS)
 
 
 def test_losing_the_cube_never_pays() -> None:

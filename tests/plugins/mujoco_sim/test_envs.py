@@ -88,7 +88,7 @@ def test_reward_is_the_sum_of_its_terms(environment) -> None:
     environment.reset(seed=0)
     _, reward, _, _, info = environment.step(environment.action_space.sample())
     assert reward == pytest.approx(sum(info["reward_terms"].values()))
-    assert info["is_success"] is False
+    assert not info.get("is_success")
 
 
 def test_episode_is_cut_off_at_its_length() -> None:
@@ -294,6 +294,9 @@ def test_reset_mask_starts_some_episodes() -> None:
             many.reset(options={"reset_mask": wrong})
     with pytest.raises(ValueError, match="marks no environment"):
         many.reset(options={"reset_mask": np.zeros(3, bool)})
+    for length in (1, 4):
+        with pytest.raises(ValueError, match=f"list of {length}, and there are 3 env.*: give one number"):
+            many.reset(seed=[*range(length)])
 
 
 def test_episodes_can_start_anew_with_the_step_that_ended_them() -> None:

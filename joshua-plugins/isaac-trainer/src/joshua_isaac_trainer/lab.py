@@ -234,7 +234,7 @@ def make_environment(job: Mapping[str, Any], folder: Path) -> tuple[Any, TensorT
 
 
 class LabVecEnv(RslRlVecEnvWrapper):  # type: ignore[misc,unused-ignore]
-    """Environments for rsl_rl, with ``success`` in the extras of a step."""
+    """Environments for rsl_rl, with ``success`` in the extras of a step if the task judges it."""
 
     def __init__(self, env: Any, success_terms: Sequence[str]) -> None:
         super().__init__(env, clip_actions=None)
@@ -245,7 +245,8 @@ class LabVecEnv(RslRlVecEnvWrapper):  # type: ignore[misc,unused-ignore]
         seen, rewards, dones, extras = super().step(actions)
         manager = self.unwrapped.termination_manager
         won = [manager.get_term(name) for name in self._success_terms]
-        extras["success"] = torch.stack(won).any(dim=0) if won else torch.zeros_like(dones, dtype=torch.bool)
+        if won:
+            extras["success"] = torch.stack(won).any(dim=0)
         return seen, rewards, dones, extras
 
 

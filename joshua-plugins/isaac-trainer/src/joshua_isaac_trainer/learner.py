@@ -53,7 +53,7 @@ class Learner:
         count = environment.num_envs
         self._sums = torch.zeros(count, device=device)
         self._lengths = torch.zeros(count, device=device)
-        self._episodes: deque[tuple[float, float, float]] = deque(maxlen=EPISODES)
+        self._episodes: deque[tuple[float, float, float | None]] = deque(maxlen=EPISODES)
         self._done = 0
         self._iterations = 0
         self._observations: Any = None
@@ -98,7 +98,8 @@ class Learner:
             returns, lengths, successes = zip(*self._episodes, strict=True)
             row["episode/return"] = float(np.mean(returns))
             row["episode/length"] = float(np.mean(lengths))
-            row["episode/success_rate"] = float(np.mean(successes))
+            if None not in successes:  # which a task judges, or not
+                row["episode/success_rate"] = float(np.mean(successes))
         return row
 
     def _collected_and_updated(self) -> Mapping[str, float] | None:
@@ -206,14 +207,11 @@ class Learner:
         over = dones > 0
         if bool(over.any()):
             success = extras.get("success")
-            won = (
-                success.to(self._device)[over].float()
-                if success is not None
-                else torch.zeros(int(over.sum()))
-            )
-            rows = zip(self._sums[over].tolist(), self._lengths[over].tolist(), won.tolist(), strict=True)
+            count = int(over.sum())
+            won = success.to(self._device)[over].float().tolist() if success is not None else [None] * count
+            rows = zip(self._sums[over].tolist(), self._lengths[over].tolist(), won, strict=True)
             self._episodes.extend(rows)
-            self._done += int(over.sum())
+            self._done += count
             self._sums[over] = 0.0
             self._lengths[over] = 0.0
 

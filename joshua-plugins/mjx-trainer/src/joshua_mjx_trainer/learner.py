@@ -122,7 +122,8 @@ class Learner:
             returns, lengths, successes = zip(*self._window, strict=True)
             found["episode/return"] = float(np.mean(returns))
             found["episode/length"] = float(np.mean(lengths))
-            found["episode/success_rate"] = float(np.mean(successes))
+            if self._environments.task.judges_success:
+                found["episode/success_rate"] = float(np.mean(successes))
         return found
 
     def last_batch(self) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from typing import Any
 
 from joshua.tools import load_target
 from joshua_ppo_trainer.node import RlTrainer
-from joshua_training.memory import remedied
 from joshua_training.run_folder import LibraryMissing, RunError
 
 from joshua_mjx_trainer.settings import SAVE_S, MjxSettings
@@ -77,8 +76,7 @@ class MjxTrainer(RlTrainer):
 
     def prepare(self) -> bool:
         """Start all episodes, which compiles."""
-        with remedied(self.halves):
-            self._learner.prepare()
+        self._learner.prepare()
         return not self.context.stopping
 
     def deactivate(self) -> None:

@@ -16,8 +16,9 @@ Picture = npt.NDArray[np.uint8]
 #: Largest number of shapes in one picture.
 MAX_GEOMS = 10_000
 
-#: Only one renderer is created at a time, because each may enlarge the model's buffer.
-_making = threading.Lock()
+#: Only one renderer is created at a time, because each may enlarge the model's buffer, and only one draws:
+#: two threads in Mesa's software renderer have ended a simulation with a segmentation fault.
+_busy = threading.Lock()
 
 
 def _open_context(width: int, height: int) -> Any:
@@ -65,7 +66,7 @@ class CameraRenderer:
     def __init__(
         self, model: mujoco.MjModel, camera: str, width: int, height: int, *, shadows: bool = True
     ) -> None:
-        with _making:
+        with _busy:
             visual = model.vis.global_
             visual.offwidth, visual.offheight = max(visual.offwidth, width), max(visual.offheight, height)
             self._model = model
@@ -105,9 +106,10 @@ class CameraRenderer:
 
     def draw(self) -> Picture:
         """Render the state from ``look``: a new picture of shape (H, W, 3), RGB."""
-        self._gl.make_current()
-        mujoco.mjr_render(self._area, self._scene, self._context)
-        mujoco.mjr_readPixels(self._pixels, None, self._area, self._context)
+        with _busy:
+            self._gl.make_current()
+            mujoco.mjr_render(self._area, self._scene, self._context)
+            mujoco.mjr_readPixels(self._pixels, None, self._area, self._context)
         return np.ascontiguousarray(self._pixels[::-1])  # OpenGL counts rows from the bottom
 
     def close(self) -> None:

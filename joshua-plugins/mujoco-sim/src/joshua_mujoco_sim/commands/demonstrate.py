@@ -17,6 +17,9 @@ SUMMARY = "record a data set of a scripted demonstrator at a simulated task"
 #: Failed episodes in a row after which the command gives up.
 MOST_FAILED = 20
 
+#: Size of a picture in pixels.
+WIDTH, HEIGHT = 128, 96
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``joshua demonstrate``."""
@@ -40,8 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--episodes", type=_positive, default=50, metavar="N", help="how many (default 50)")
     parser.add_argument("--seed", type=int, default=0, help="of the first episode (default 0)")
     parser.add_argument("--cameras", default="", metavar="NAMES", help="cameras to record, such as top,wrist")
-    parser.add_argument("--width", type=_positive, default=128, help="of a picture in pixels (default 128)")
-    parser.add_argument("--height", type=_positive, default=96, help="of a picture in pixels (default 96)")
+    parser.add_argument("--width", type=_positive, help=f"of a picture in pixels (default {WIDTH})")
+    parser.add_argument("--height", type=_positive, help=f"of a picture in pixels (default {HEIGHT})")
     parser.add_argument(
         "--noise", type=float, default=0.0, metavar="RAD", help="spread of the goals, so that episodes differ"
     )
@@ -78,6 +81,15 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stderr.write(f"joshua demonstrate: {arguments.folder} exists: name another folder\n")
         return ExitCode.INVALID
     cameras = tuple(part for part in arguments.cameras.split(",") if part)
+    for option in () if cameras else ("width", "height"):
+        if getattr(arguments, option) is not None:
+            sys.stderr.write(
+                f"joshua demonstrate: --{option} has no effect without pictures: add --cameras\n"
+            )
+            return ExitCode.INVALID
+    shown: dict[str, Any] = (
+        {"width": arguments.width or WIDTH, "height": arguments.height or HEIGHT} if cameras else {}
+    )
     try:
         environment = make_environment(
             name,
@@ -85,8 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
             randomise=arguments.randomise,
             observation_mode="both" if cameras else "state",
             cameras=cameras,
-            width=arguments.width,
-            height=arguments.height,
+            **shown,
             disable_env_checker=True,
         ).unwrapped
     except ValueError as error:
@@ -107,7 +118,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 class Recorder:
-    """Writes episodes of an environment: joints and goals in rad, pictures, reward, success and objects.
+    """Writes episodes of an environment: joints and goals in rad, pictures, reward by term, success, objects.
 
     Args:
         environment: a single one with actions in rad; writer: an ``EpisodeWriter``; folder: of the data set.
@@ -123,11 +134,13 @@ class Recorder:
         joints = tuple(model.actuator(index).name for index in range(model.nu))
         self._objects = environment.task.objects
         _, info = environment.reset(seed=0)
+        terms = [term.name for term in environment.task.rewards]
         features = [
             Feature.joints(STATE, joints),
             Feature.joints(ACTION, joints),
             Feature("next.reward", "float32", (1,)),
             Feature("next.success", "float32", (1,)),
+            *(Feature(f"info.reward.{name}", "float32", (1,)) for name in terms),
             *(Feature(f"info.{key}", "float32", value.shape) for key, value in info["objects"].items()),
         ]
         if cameras:
@@ -158,6 +171,10 @@ class Recorder:
             frame[ACTION] = state.ctrl[0].astype(np.float32)
             frame["next.reward"] = np.array([reward], np.float32)
             frame["next.success"] = np.array([success], np.float32)
+            frame |= {
+                f"info.reward.{name}": np.array([value], np.float32)
+                for name, value in info["reward_terms"].items()
+            }
             self._writer.add_frame(Frame(round(step * 1e9 / self.fps), frame))
             if terminated:
                 break

@@ -15,6 +15,9 @@ from joshua_mujoco_sim.rendering import CameraRenderer
 
 OBSERVATION_MODES = ("state", "pixels", "both")
 
+#: Width and height of pictures in pixels, unless the caller chooses others.
+SIZE = (320, 240)
+
 
 class Observer:
     """Computes the observations of an environment.
@@ -92,6 +95,18 @@ class Observer:
         for renderer in self._renderers.values():
             renderer.close()
         self._renderers = {}
+
+
+def refuse_unseen(mode: str, width: int, height: int, shadows: bool) -> None:
+    """Refuse what concerns pictures where none is drawn.
+
+    Raises:
+        ValueError: names it.
+    """
+    given = {"shadows have": shadows, "width has": width != SIZE[0], "height has": height != SIZE[1]}
+    for name, is_given in given.items():
+        if mode == "state" and is_given:
+            raise ValueError(f"{name} no effect with observation_mode 'state': choose pixels or both")
 
 
 def first(observation: Any) -> Any:

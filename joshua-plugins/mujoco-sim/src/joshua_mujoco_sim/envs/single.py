@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from joshua_mujoco_sim.envs.pixels import Observer, first
+from joshua_mujoco_sim.envs.pixels import SIZE, Observer, first, refuse_unseen
 from joshua_mujoco_sim.envs.state import SingleState
 from joshua_mujoco_sim.envs.terms import Evaluator, Task
 from joshua_mujoco_sim.model_file import load_model
@@ -23,7 +23,7 @@ class TermEnv(gymnasium.Env[Any, Any]):
     ``features`` names the parts of an observation, which stand side by side in it, and of an action, in their
     own units. The numbers of an observation are scaled by constants of the task; ``physical`` undoes that.
     ``info`` carries each reward term (``reward_terms``), the poses of objects (``objects``), each reason to
-    end that holds (``ended_by``), and ``is_success``.
+    end that holds (``ended_by``), and ``is_success`` if the task judges it.
 
     Args:
         task: makes the task, given the name of a reward function.
@@ -50,8 +50,8 @@ class TermEnv(gymnasium.Env[Any, Any]):
         cameras: Sequence[str] = (),
         shadows: bool = False,
         render_mode: str | None = None,
-        width: int = 320,
-        height: int = 240,
+        width: int = SIZE[0],
+        height: int = SIZE[1],
     ) -> None:
         self.task = make_task(task, reward_function, weights, randomise)
         model = load_model(self.task.model_path)
@@ -68,6 +68,8 @@ class TermEnv(gymnasium.Env[Any, Any]):
         self.task.prepare(self._state)
         self._evaluator = Evaluator(self.task, self._state, action_mode)
         shown = shown_cameras(self.task, observation_mode, cameras)
+        if render_mode is None:
+            refuse_unseen(observation_mode, width, height, shadows)
         self._observer = Observer(
             self._evaluator, self._state, observation_mode, shown, width, height, shadows
         )
@@ -79,6 +81,11 @@ class TermEnv(gymnasium.Env[Any, Any]):
     def state(self) -> SingleState:
         """The simulation, for tests and custom terms."""
         return self._state
+
+    @property
+    def judges_success(self) -> bool:
+        """Whether ``info`` has ``is_success``."""
+        return self.task.judges_success
 
     @property
     def observation_scaling(self) -> tuple[Any, Any]:
@@ -108,7 +115,8 @@ class TermEnv(gymnasium.Env[Any, Any]):
         info: dict[str, Any] = {"reward_terms": {name: float(value[0]) for name, value in terms.items()}}
         if ended[0]:
             info["ended_by"] = [name for name, reason in reasons.items() if reason[0]]
-        info["is_success"] = bool(success[0])
+        if self.judges_success:
+            info["is_success"] = bool(success[0])
         info["objects"] = first(evaluator.objects())
         return first(self._observer.all()), float(reward[0]), bool(ended[0]), False, info
 
@@ -170,7 +178,8 @@ def make_task(
         return made
     if not made.randomisation:
         raise ValueError(
-            f"randomise=True has no effect: the task on {made.model_path} has no terms in randomisation"
+            f"randomise=True has no effect: the task on {made.model_path} has no terms in randomisation; "
+            "remove it"
         )
     return made.with_resets(*made.randomisation)
 

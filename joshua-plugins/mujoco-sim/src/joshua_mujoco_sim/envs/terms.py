@@ -137,6 +137,11 @@ class Task:
     forces: bool = False
     prepare: Callable[[State], None] = lambda state: None
 
+    @property
+    def judges_success(self) -> bool:
+        """Whether an episode can end with success."""
+        return any(term.success for term in self.terminations)
+
     def with_weights(self, weights: Mapping[str, float]) -> Task:
         """The same task with other weights of some reward terms; 0 takes a term out.
 

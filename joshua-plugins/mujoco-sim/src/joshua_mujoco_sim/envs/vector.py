@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from joshua_mujoco_sim.envs.pixels import Observer
+from joshua_mujoco_sim.envs.pixels import SIZE, Observer, refuse_unseen
 from joshua_mujoco_sim.envs.single import make_task, shown_cameras
 from joshua_mujoco_sim.envs.state import BatchState, IntArray
 from joshua_mujoco_sim.envs.terms import Evaluator, Task
@@ -26,6 +26,7 @@ class Outcome:
 
     Attributes:
         observations: those that the next action answers, of fresh episodes where one has ended.
+        success: of the task; False everywhere if it judges none.
         final: of the episodes that have ended, by the index of their environment; empty where none did.
     """
 
@@ -69,8 +70,8 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         action_mode: str = "",
         observation_mode: str = "state",
         cameras: Sequence[str] = (),
-        width: int = 320,
-        height: int = 240,
+        width: int = SIZE[0],
+        height: int = SIZE[1],
         shadows: bool = False,
     ) -> None:
         self.task = make_task(task, reward_function, weights, randomise)
@@ -88,6 +89,7 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         self.task.prepare(self._state)
         self._evaluator = Evaluator(self.task, self._state, action_mode)
         shown = shown_cameras(self.task, observation_mode, cameras)
+        refuse_unseen(observation_mode, width, height, shadows)
         self._observer = Observer(
             self._evaluator, self._state, observation_mode, shown, width, height, shadows
         )
@@ -106,6 +108,11 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         return self._state
 
     @property
+    def judges_success(self) -> bool:
+        """Whether ``info`` has ``is_success``."""
+        return self.task.judges_success
+
+    @property
     def observation_scaling(self) -> tuple[Any, Any]:
         """Offset and scale of the numbers: an observation shows ``(value - offset) / scale``."""
         return self._evaluator.offset, self._evaluator.scale
@@ -120,11 +127,17 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
         """Start all episodes, or those that ``options["reset_mask"]`` marks, a boolean for each.
 
         Raises:
-            ValueError: the mask has another type or shape, or marks nothing.
+            ValueError: the mask has another type or shape, or marks nothing; or the seeds are too few or too
+                many.
         """
         ids = _masked((options or {}).get("reset_mask"), self.num_envs)
         if seed is not None:
             seeds = [seed + k for k in range(self.num_envs)] if isinstance(seed, int) else seed
+            if len(seeds) != self.num_envs:
+                raise ValueError(
+                    f"seed is a list of {len(seeds)}, and there are {self.num_envs} environments: give one "
+                    "number, or a list of a number or None for each"
+                )
             for index in ids:
                 value = seeds[index]
                 if value is not None:
@@ -136,11 +149,9 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Apply one action in each environment, shape (N, A)."""
         done = self.advance(actions)
-        info: dict[str, Any] = {
-            "reward_terms": done.reward_terms,
-            "is_success": done.success,
-            "objects": done.objects,
-        }
+        info: dict[str, Any] = {"reward_terms": done.reward_terms, "objects": done.objects}
+        if self.judges_success:
+            info["is_success"] = done.success
         if done.final:
             final = np.full(self.num_envs, None, dtype=object)
             for index, observation in done.final.items():
