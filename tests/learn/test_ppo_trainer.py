@@ -248,24 +248,6 @@ def test_checkpoints_are_whole_or_refused(tmp_path: Path) -> None:
         learner(hidden_sizes=[8]).restore(*checkpoint.read(paths[-2]))
 
 
-def test_reaching_is_learned() -> None:
-    """0.95 of the last 200 episodes succeed, exploration included, within 120,000 steps."""
-    fields: dict[str, Any] = {
-        "num_envs": 64,
-        "batch_size": 512,
-        "total_timesteps": 120_000,
-        "learning_rate": 0.001,
-    }
-    made = learner(**{**fields, "gamma": 0.95, "n_steps": 32, "n_epochs": 8})
-    row = {"episodes": 0.0}
-    while made.steps < 120_000 and (row["episodes"] < 500 or row["episode/success_rate"] < 0.97):
-        following = made.iterate()
-        assert following is not None
-        row = following
-    print(f"success {row['episode/success_rate']:.2f} after {made.steps} steps")
-    assert row["episode/success_rate"] >= 0.95
-
-
 TRAINING = """
 general {{ mode: MODE_TRAINING name: "train" id: "train-ppo-{name}" }}
 simulation {{ mode: OFFSCREEN model_path: "so_arm100/reach.xml" seed: 3 }}
@@ -388,7 +370,8 @@ def test_a_killed_run_goes_on_as_if_nothing_had_happened(tmp_path: Path) -> None
     for name in ("policy.safetensors", "training.safetensors", "state.json", "policy.json"):
         assert (last[0] / name).read_bytes() == (last[1] / name).read_bytes(), name
     kinds = {path.suffix for path in run.rglob("*") if path.is_file() and "tfevents" not in path.name}
-    assert kinds == {".json", ".jsonl", ".safetensors", ".svg"}
+    assert kinds == {".json", ".jsonl", ".log", ".safetensors", ".svg"}
+    assert "INFO 2048 steps learned" in (run / "run.log").read_text().partition("INFO continuing")[2]
     assert list((run / "tensorboard").glob("*tfevents*"))
     facts = json.loads((run / "run.json").read_text())
     assert facts["settings"]["n_steps"] == 16

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 import pytest
 from joshua_training.memory import remedied, require
-from joshua_training.run_folder import RunError
+from joshua_training.run_folder import RunError, RunFolder
 
 
 class OutOfMemoryError(RuntimeError):
@@ -19,6 +20,8 @@ class OutOfMemoryError(RuntimeError):
         MemoryError("Unable to allocate 80 GiB"),
         OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 GiB."),
         RuntimeError("[enforce fail at alloc_cpu.cpp:117] DefaultCPUAllocator: can't allocate memory"),
+        RuntimeError("MPS backend out of memory (MPS allocated: 17.00 GB, max allowed: 18.13 GB)"),
+        OSError(errno.ENOMEM, "Cannot allocate memory"),
         RuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 17592186044416 bytes."),
     ],
     ids=lambda error: type(error).__name__,
@@ -30,6 +33,21 @@ def test_a_full_memory_has_a_remedy(error: Exception) -> None:
     ):
         raise error
     assert raised.value.__cause__ is error
+
+
+def test_the_run_says_how_to_continue_at_the_time_of_the_error(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path, "run", {})
+
+    @remedied("halve it", folder)
+    def fill(steps: int) -> None:
+        if steps:
+            folder.save(steps, {"weights": b""})
+        raise MemoryError
+
+    with pytest.raises(RunError, match="halve it, and start again; the run has no checkpoint yet"):
+        fill(0)
+    with pytest.raises(RunError, match="halve it, and continue with resume_run; the last checkpoint is"):
+        fill(1)
 
 
 def test_other_errors_stay_themselves() -> None:

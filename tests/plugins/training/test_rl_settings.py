@@ -51,7 +51,7 @@ print(sorted({HEAVY} & set(sys.modules)))
 
 @each_trainer
 def test_learning_on_a_robot_is_refused_with_the_reason(trainer: str) -> None:
-    (error,) = (item for item in errors(trainer, "environment=ENV_REAL") if item.allowed)
+    (error,) = errors(trainer, "environment=ENV_REAL")
     assert error.field_path == "ai.training.environment"
     assert error.message.startswith("JOSHUA runs no reinforcement learning on a robot: it explores by random")
     assert error.allowed == ("ENV_SIMULATION",)
@@ -211,5 +211,13 @@ def test_only_ppo_in_simulation_takes_a_cluster(monkeypatch: pytest.MonkeyPatch)
     (error,) = errors("ppo", cluster, 'rl_config.algorithm="SAC"')
     assert error.message.startswith("SAC updates after every step")
     assert error.remedy == 'Remove it, or write algorithm: "PPO".'
+    threads = "rl_config.physics_threads"
+    assert not errors("ppo", cluster, f"{threads}=1")
+    (error,) = errors("ppo", cluster, f"{threads}=2")
+    assert error.field_path == f"ai.training.{threads}"
+    assert error.message == (
+        "physics_threads has no effect on a cluster, because each of its workers has one core."
+    )
+    assert error.remedy == "Remove physics_threads; cluster.workers is the number of cores."
     robot = errors("ppo", cluster, "environment=ENV_REAL")
     assert any(error.message.startswith("With ENV_REAL, this run drives a robot") for error in robot)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,14 @@ def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text("{")
     with pytest.raises(RunError, match=r"cannot be read: .*: choose another run"):
         RunFolder.open(tmp_path).facts()
+
+
+def test_runs_of_one_second_have_folders_of_their_own(tmp_path: Path) -> None:
+    made = {RunFolder.create(tmp_path, "run", {"number": number}).path for number in range(20)}
+    assert len(made) == 20
+    (tmp_path / "file").touch()
+    with pytest.raises(RunError, match=r"file/run-.* cannot be created: Not a directory: set output_folder"):
+        RunFolder.create(tmp_path / "file", "run", {})
 
 
 def test_a_full_disk_leaves_the_checkpoints_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -107,10 +116,36 @@ def test_a_torn_line_and_later_ones_are_cut_from_the_metrics(tmp_path: Path) -> 
     assert (folder.path / "metrics.jsonl").read_text() == '{"steps": 10}\n{"steps": 20}\n'
 
 
-def test_a_run_records_versions_and_git(tmp_path: Path) -> None:
+def test_a_run_records_versions() -> None:
+    found = described(Path(__file__).parent)["versions"]
+    assert {"joshua-core", "joshua-training", "joshua-evaluation", "joshua-inference", "numpy"} <= set(found)
+
+
+def test_a_run_records_the_commit_and_whether_its_files_are_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def git(*words: str) -> str:
+        who = ("-c", "user.name=A", "-c", "user.email=a@example.org", "-c", "commit.gpgsign=false")
+        done = subprocess.run(("git", *who, *words), cwd=tmp_path, check=True, capture_output=True, text=True)
+        return done.stdout.strip()
+
     assert described(tmp_path)["git"] is None
-    found = described(Path(__file__).parent)
-    assert "joshua-core" in found["versions"]
+    git("init", "-q")
+    assert described(tmp_path)["git"] is None  # without a commit
+    file = tmp_path / "train.pbtxt"
+    file.write_text("1")
+    git("add", ".")
+    git("commit", "-qm", "first")
+    commit = git("rev-parse", "HEAD")
+    assert described(tmp_path)["git"] == {"commit": commit, "changed": False}
+    inner = RunFolder.create(tmp_path / "runs", "run", {}).path
+    assert described(inner)["git"] == {"commit": commit, "changed": False}
+    file.write_text("2")
+    assert described(tmp_path)["git"] == {"commit": commit, "changed": True}
+    git("commit", "-qam", "second")
+    assert described(tmp_path)["git"] == {"commit": git("rev-parse", "HEAD"), "changed": False}
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert described(tmp_path)["git"] is None  # without git
 
 
 def test_a_checkpoint_of_folders_is_put_in_its_place_at_once(tmp_path: Path) -> None:

@@ -193,6 +193,10 @@ def test_two_evaluations_from_the_same_seeds_are_compared_episode_by_episode(
     evaluation(tmp_path, "d", [1] * 10, environment="acme/Other-v0")
     _, out, _ = command(capsys, "compare", names[0], str(tmp_path / "d"), "--format", "json")
     assert "environment is joshua/Ant-v0 and acme/Other-v0" in json.loads(out)["not_paired"]
+    (tmp_path / "b" / "results.json").unlink()
+    _, out, _ = command(capsys, "compare", *names[:2])
+    said = f"{names[1]} has no usable results.json: wait until its evaluation ends, or evaluate again"
+    assert f"Not compared episode by episode: {said}" in out
 
 
 def test_prune_removes_only_with_yes_and_never_what_may_run(
@@ -249,11 +253,21 @@ def test_what_cannot_be_removed_is_named(
     assert f"{run.path} cannot be removed: Permission denied" in err
 
 
-@pytest.mark.parametrize("words", [("--keep-checkpoints", "-1"), ("--older-than", "soon")])
-def test_a_wrong_number_is_refused(words: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("option", "value", "expected"),
+    [
+        ("--keep-checkpoints", "-1", "a whole number of at least 0"),
+        ("--older-than", "soon", "a number of days above 0"),
+        ("--older-than", "0", "a number of days above 0"),
+        ("--older-than", "nan", "a number of days above 0"),
+    ],
+)
+def test_a_wrong_number_is_refused(
+    option: str, value: str, expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit):
-        command(capsys, "prune", *words)
-    assert "expected a" in capsys.readouterr().err
+        command(capsys, "prune", option, value)
+    assert f"{option}: {value!r}: expected {expected}" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize(

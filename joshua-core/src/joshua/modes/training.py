@@ -8,7 +8,7 @@ from dataclasses import replace
 from joshua.config.checks import Context
 from joshua.modes import inference
 from joshua.modes.queries import lacks
-from joshua.modes.services import TRAINING, awaits_weights, judges_robot
+from joshua.modes.services import SIMULATION, TRAINING, awaits_weights, judges_robot
 from joshua.modes.spec import ModeSpec
 from joshua.plan import Diagnostic
 from joshua.schema import config_pb2 as pb
@@ -25,20 +25,9 @@ def check(context: Context) -> Iterator[Diagnostic]:
         )
         yield lacks(context, "mode-lacks-block", what, "ai.training", remedy=remedy)
         return
-    # imitation learns from a data set
-    on_robot = ai.training.environment == pb.ENV_REAL and ai.training.method == pb.METHOD_RL
     if judges_robot(context.config):
         yield from inference.check(context)
         yield from _judged_weights(context)
-    elif on_robot and not context.graph.actuators:
-        yield lacks(
-            context,
-            "mode-lacks-actuator",
-            "an actuator, because ENV_REAL trains on the robot itself",
-            "robot.actions",
-            position=context.position("ai.training.environment"),
-            remedy="Add robot { actions { ... } }, or choose ENV_SIMULATION",
-        )
     yield from _data_set(context)
     if ai.training.environment_id and (
         ai.training.environment == pb.ENV_REAL or ai.training.method == pb.METHOD_IMITATION
@@ -85,8 +74,9 @@ def _judged_weights(context: Context) -> Iterator[Diagnostic]:
 
 
 def _for_file(spec: ModeSpec, config: pb.Config) -> ModeSpec:
-    on_robot = config.ai.training.environment == pb.ENV_REAL
-    return replace(spec, devices=on_robot, models=judges_robot(config))
+    on_robot, judged = config.ai.training.environment == pb.ENV_REAL, judges_robot(config)
+    services = (*spec.services, SIMULATION) if judged else spec.services  # of simulated arms
+    return replace(spec, devices=on_robot, models=judged, services=services)
 
 
 SPEC = ModeSpec(

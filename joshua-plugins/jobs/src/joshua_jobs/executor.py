@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
 from typing_extensions import Self
 
@@ -49,15 +50,13 @@ class Crew(ABC):
         method: str,
         arguments: Sequence[tuple[Any, ...]],
         stopping: Callable[[], bool] = never,
-        again: Sequence[tuple[Any, ...]] | None = None,
     ) -> list[Any]:
         """Call a method of every object at once; return the results in the order of the objects.
 
-        An object whose worker is lost is made again, and called again.
+        An object whose worker is lost is made again, and called again with the same arguments.
 
         Args:
             arguments: one tuple for each object; stopping: asked while waiting.
-            again: what an object is called with after it was made again; None for the same arguments.
 
         Raises:
             Stopped: ``stopping`` returned True. JobError: no worker is left.
@@ -83,6 +82,25 @@ class Post(ABC):
     @abstractmethod
     def stopping(self) -> bool:
         """Whether the caller wants the function to return soon."""
+
+
+@dataclass(frozen=True)
+class Joint(Generic[Item]):
+    """Work of several workers at once.
+
+    Attributes:
+        function: at module level, which another process can import. It raises ``Disconnected`` if others are
+            lost; any other exception ends all and is raised where the caller is.
+        item: given to the function, with a ``Post``; count: of the workers.
+        gpus: whether each has a GPU; None for GPUs if there are enough.
+        stopping: asked while waiting; it stops nothing here, but the function knows it by its ``Post``.
+    """
+
+    function: Callable[[Item, Post], None]
+    item: Item
+    count: int
+    gpus: bool | None = None
+    stopping: Callable[[], bool] = never
 
 
 class Executor(ABC):
@@ -122,26 +140,12 @@ class Executor(ABC):
     def crew(self, make: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> Crew:
         """Make one object for each tuple of arguments, each in a worker of its own."""
 
-    def together(
-        self,
-        function: Callable[[Item, Post], None],
-        item: Item,
-        count: int,
-        gpus: bool | None = None,
-        stopping: Callable[[], bool] = never,
-    ) -> Iterator[Any]:
-        """Run a function in several workers at once; yield what they tell, None from time to time.
+    def together(self, work: Joint[Any]) -> Iterator[Any]:
+        """Do the work of several connected workers; yield what they tell, None from time to time.
 
         The workers are connected as a process group of PyTorch, which the variables of ``torchrun`` describe
         (RANK, WORLD_SIZE, MASTER_ADDR ...). If one is lost, all begin again, in other processes: the function
         continues from what it saved.
-
-        Args:
-            function: at module level, which another process can import. It raises ``Disconnected`` if others
-                are lost; any other exception ends all and is raised here.
-            item: given to the function, with a ``Post``; count: of the workers.
-            gpus: whether each has a GPU; None for GPUs if there are enough.
-            stopping: asked while waiting; it stops nothing here, but the function knows it by its ``Post``.
 
         Raises:
             JobError: the workers cannot be had or connected, or are lost again and again.

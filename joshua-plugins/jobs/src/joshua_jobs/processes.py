@@ -108,7 +108,6 @@ class _Here(Crew):
         method: str,
         arguments: Sequence[tuple[Any, ...]],
         stopping: Callable[[], bool] = never,
-        again: Sequence[tuple[Any, ...]] | None = None,
     ) -> list[Any]:
         """See ``Crew``."""
         found = []

@@ -335,7 +335,8 @@ class Learner:
             returns, lengths, successes = zip(*episodes, strict=True)
             found["episode/return"] = float(np.mean(returns))
             found["episode/length"] = float(np.mean(lengths))
-            found["episode/success_rate"] = float(np.mean(successes))
+            if getattr(self._environment, "judges_success", True):
+                found["episode/success_rate"] = float(np.mean(successes))
         return found
 
     def _require_memory(self) -> None:

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from joshua.api import FieldError, NodeContext
 from joshua.tools import load_target
 from joshua_jobs.choice import opened
-from joshua_jobs.executor import JobError
+from joshua_training.clusters import on_cluster
 from joshua_training.run_folder import LibraryMissing, RunError, unusable
 from joshua_training.trainer import LearningNode
 
@@ -160,15 +160,22 @@ class PpoTrainer(RlTrainer):
             ) from error
         torch.set_num_threads(1)  # with small networks, more threads only wait for each other
         settings = self.settings
-        options = {"threads": settings.physics_threads, "autoreset_mode": "SameStep"}
-        environment = load_target(chosen.make)(
-            chosen.environment_id,
-            reward_function=chosen.reward_function,
-            num_envs=1 if settings.cluster else chosen.num_envs,
-            seed=seed,
-            **options,
-            **({"randomise": True} if settings.randomise else {}),
-        )
+        options: dict[str, Any] = {"threads": settings.physics_threads, "autoreset_mode": "SameStep"}
+        if settings.randomise:
+            options["randomise"] = True
+        try:
+            environment = load_target(chosen.make)(
+                chosen.environment_id,
+                reward_function=chosen.reward_function,
+                num_envs=1 if settings.cluster else chosen.num_envs,
+                seed=seed,
+                **options,
+            )
+        except (ValueError, TypeError) as error:  # of the environment's plugin
+            asked = ", ".join(f"{name} {value}" for name, value in options.items())
+            raise RunError(
+                f"{chosen.environment_id} cannot be made with {asked}: {error}: change what the message names"
+            ) from error
         if not hasattr(environment, "advance"):
             raise RunError(
                 f"{chosen.environment_id} runs one environment after the other here; this trainer requires "
@@ -187,10 +194,8 @@ class PpoTrainer(RlTrainer):
         from joshua_ppo_trainer.spread import SpreadEnvironment, shares
 
         settings = self.settings
-        try:
+        with on_cluster():
             executor = opened(("ray", settings.cluster), settings.cluster_workers)
-        except JobError as error:
-            raise RunError(str(error)) from error
         parts = shares(
             chosen.num_envs,
             max(1, executor.workers),
@@ -204,14 +209,11 @@ class PpoTrainer(RlTrainer):
             observations=bool(settings.normalize_observations),
         )
         self.context.log.info("%d workers of the cluster %s collect", len(parts), settings.cluster)
-        return SpreadEnvironment(local, executor, parts, self.context.warn)
+        return SpreadEnvironment(local, executor, parts, self.warn)
 
     def advance(self) -> Mapping[str, float] | None:
         """Collect and update once; workers that were lost are counted."""
-        try:
-            row = super().advance()
-        except JobError as error:
-            raise RunError(f"{error}, with resume_run") from error
+        row = super().advance()
         if row is not None and self.settings.cluster:
             return {**row, "workers_lost": float(self._environment.lost)}
         return row

@@ -35,4 +35,10 @@ class TrainerSettings(RlSettings):
                 f"{self.algorithm} updates after every step, which leaves nothing for a cluster to do",
                 remedy='remove it, or write algorithm: "PPO"',
             )
+        if self.cluster and self.physics_threads > 1:
+            raise FieldError(
+                "rl_config.physics_threads",
+                "physics_threads has no effect on a cluster, because each of its workers has one core",
+                remedy="remove physics_threads; cluster.workers is the number of cores",
+            )
         return self

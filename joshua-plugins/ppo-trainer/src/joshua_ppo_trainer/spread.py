@@ -109,7 +109,7 @@ class Collector:
 
         Args:
             sent: weights of the policy, and moments of the observations; seed: of the actions.
-            state: of a ``Part`` after which to continue; None to continue after the last rollout.
+            state: of a ``Part`` after which to continue; None to go on where this worker is.
         """
         if state is not None:
             self._restore(state)
@@ -200,7 +200,6 @@ class SpreadEnvironment:
         self._crew = executor.crew(Collector, [(share,) for share in shares])
         #: Of the workers after the last rollout of all; None for fresh episodes.
         self._states: list[dict[str, Any] | None] = [None] * len(shares)
-        self._are_sent = False
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._local, name)
@@ -213,16 +212,16 @@ class SpreadEnvironment:
     def collect(self, sent: Any, steps: int, iteration: int, stopping: Callable[[], bool]) -> list[Part]:
         """Collect a rollout in every worker; the random numbers depend on the iteration and on the worker.
 
-        A worker that was lost continues from its state before the rollout, so nothing depends on losses.
+        Each continues from the state that it is given, also in the place of a lost one, so nothing depends
+        on losses.
         """
         shared = self._crew.share(sent)
-        usual = [
-            (shared, steps, int(np.random.SeedSequence([self._seed, iteration, index]).generate_state(1)[0]))
-            for index in range(len(self._sizes))
+        drawn = [np.random.SeedSequence([self._seed, iteration, index]) for index in range(len(self._sizes))]
+        arguments = [
+            (shared, steps, int(seed.generate_state(1)[0]), state)
+            for seed, state in zip(drawn, self._states, strict=True)
         ]
-        whole = [(*some, state) for some, state in zip(usual, self._states, strict=True)]
-        first, self._are_sent = not self._are_sent, True
-        found: list[Part] = self._crew.each("collect", whole if first else usual, stopping, whole)
+        found: list[Part] = self._crew.each("collect", arguments, stopping)
         self._states = [part.state for part in found]
         return found
 

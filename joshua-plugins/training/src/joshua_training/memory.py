@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
+import errno
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from joshua_training.run_folder import RunError
+from joshua_training.run_folder import RunError, RunFolder
 
-#: What PyTorch says if a processor has no memory left, and JAX of any device; PyTorch's error on a GPU has
-#: a class of its own.
-_FULL = ("can't allocate memory", "RESOURCE_EXHAUSTED")
+#: What PyTorch says if a processor has no memory left, or an accelerator whose error has no class of its
+#: own, and JAX of any device.
+_FULL = ("can't allocate memory", "out of memory", "RESOURCE_EXHAUSTED")
 
 
 @contextmanager
-def remedied(halves: str) -> Iterator[None]:
+def remedied(halves: str, folder: RunFolder | None = None) -> Iterator[None]:
     """Turn an error about a full memory into a RunError.
 
     Args:
         halves: what halves the memory of the training, such as ``halve batch_size``.
+        folder: of the run, which says how to continue.
     """
     try:
         yield
     except Exception as error:
         if not is_out_of_memory(error):
             raise
-        raise RunError(f"the memory is full: {halves}") from error
+        then = f", and {folder.then}" if folder is not None else ""
+        raise RunError(f"the memory is full: {halves}{then}") from error
 
 
 def is_out_of_memory(error: BaseException) -> bool:
@@ -34,6 +37,7 @@ def is_out_of_memory(error: BaseException) -> bool:
     return (
         isinstance(error, MemoryError)
         or type(error).__name__ == "OutOfMemoryError"
+        or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
         or (isinstance(error, RuntimeError) and any(said in str(error) for said in _FULL))
     )
 

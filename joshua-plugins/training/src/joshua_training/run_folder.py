@@ -21,7 +21,9 @@ KEPT = 3
 #: Distributions whose versions affect the result of a training.
 RECORDED = (
     *("joshua-core", "joshua-training", "joshua-ppo-trainer", "joshua-imitation", "joshua-mujoco-sim"),
-    *("joshua-dataset", "stable-baselines3", "lerobot", "transformers", "torch", "torchvision", "mujoco"),
+    *("joshua-dataset", "joshua-evaluation", "joshua-inference", "joshua-lerobot", "joshua-smolvla"),
+    *("joshua-onnx", "joshua-ray", "ray", "onnxruntime", "stable-baselines3", "lerobot", "transformers"),
+    *("accelerate", "peft", "diffusers", "torch", "torchvision", "mujoco"),
     *("joshua-mjx-trainer", "jax", "jaxlib", "mujoco-mjx"),
     *("numpy", "gymnasium", "safetensors", "av", "pyarrow"),
     *("joshua-isaac-trainer", "isaacsim", "isaaclab", "rsl-rl-lib"),
@@ -83,6 +85,8 @@ def read_part(checkpoint: Path, name: str, parse: Callable[[bytes], Any], *keys:
         found = parse((checkpoint / name).read_bytes())
     except FileNotFoundError as error:
         raise unusable(checkpoint, f"{name} is missing") from error
+    except MemoryError:  # says nothing of the file
+        raise
     except OSError as error:
         raise unusable(checkpoint, f"{name} cannot be read: {error.strerror}") from error
     except Exception as error:  # of json and of safetensors, which is imported only where it is needed
@@ -116,19 +120,19 @@ class RunFolder:
         Raises:
             RunError: it cannot be written.
         """
-        stamp = time.strftime("%Y%m%d-%H%M%S")
-        for number in range(1000):
+        stamp, number = time.strftime("%Y%m%d-%H%M%S"), 0
+        while True:
             path = parent / (f"{name}-{stamp}" + (f"-{number}" if number else ""))
             try:
                 path.mkdir(parents=True)
-            except FileExistsError:
-                continue
+                break
+            except FileExistsError:  # of a run that started in the same second
+                number += 1
             except OSError as error:
                 raise RunError(f"{path} cannot be created: {error.strerror}: set output_folder") from error
-            folder = cls(path)
-            folder.write_json("run.json", {**facts, "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")})
-            return folder
-        raise RunError(f"{parent} contains 1000 runs that started in this second")
+        folder = cls(path)
+        folder.write_json("run.json", {**facts, "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")})
+        return folder
 
     @classmethod
     def open(cls, path: Path) -> RunFolder:
@@ -238,6 +242,10 @@ class RunFolder:
 
         return self.save_by(steps, write)
 
+    def checkpoint(self, steps: int) -> Path:
+        """Return the folder of the checkpoint after some steps."""
+        return self.path / "checkpoints" / f"step_{steps:012d}"
+
     def save_by(self, steps: int, write: Callable[[Path], None]) -> Path:
         """Write a checkpoint, move it into place atomically, and remove old ones.
 
@@ -247,8 +255,8 @@ class RunFolder:
         Raises:
             RunError: writing fails; earlier checkpoints stay unchanged.
         """
-        folder = self.path / "checkpoints"
-        final, draft = folder / f"step_{steps:012d}", folder / f".step_{steps:012d}.part"
+        final = self.checkpoint(steps)
+        folder, draft = final.parent, final.with_name(f".{final.name}.part")
         if final.is_dir():
             return final
         try:
@@ -332,9 +340,10 @@ def described(folder: Path) -> dict[str, Any]:
 
 
 def _git(folder: Path) -> dict[str, Any] | None:
-    """Return the commit and whether files differ from it; None outside a repository, or without git."""
+    """Return the commit and whether its files are changed; None outside a repository, or without git."""
     answers = []
-    for command in (("rev-parse", "HEAD"), ("status", "--porcelain")):
+    # files that git does not know would make each run after the first a changed one: its own folder is one
+    for command in (("rev-parse", "HEAD"), ("status", "--porcelain", "--untracked-files=no")):
         try:
             done = subprocess.run(
                 ("git", "-C", str(folder), *command), capture_output=True, text=True, timeout=10, check=True

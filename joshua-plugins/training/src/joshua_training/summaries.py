@@ -163,12 +163,14 @@ def compared_episodes(first: RunFolder, second: RunFolder) -> dict[str, Differen
     """Compare two evaluations from the same starts by episode, for each metric that both measured.
 
     Raises:
-        RunError: one of them is not an evaluation, or their starts differ.
+        RunError: one of them has no results, or their starts differ.
     """
     ours, theirs = _results(first), _results(second)
     for run, results in ((first, ours), (second, theirs)):
         if not results:
-            raise RunError(f"{run.path} is not an evaluation, or was not finished: it has no {RESULTS}")
+            raise RunError(
+                f"{run.path} has no usable {RESULTS}: wait until its evaluation ends, or evaluate again"
+            )
     for name in ("environment", "randomise"):
         if ours.get(name) != theirs.get(name):
             raise RunError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from abc import abstractmethod
 from collections.abc import Collection, Mapping
@@ -9,11 +10,14 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from joshua.api import NodeContext, Trainer
+from joshua_jobs.executor import JobError
 
 from joshua_training.board import Board
+from joshua_training.clusters import on_cluster
 from joshua_training.curves import draw
-from joshua_training.memory import remedied
+from joshua_training.memory import is_out_of_memory, remedied
 from joshua_training.run_folder import RunError, RunFolder, described, refuse_other, unwritable
+from joshua_training.run_log import RunLog
 from joshua_training.tracking import Trackers, services_of
 from joshua_training.tracking_settings import TrackingSettings
 
@@ -40,6 +44,7 @@ class RunNode(Trainer):
         self._ended = threading.Event()
         self._ended.set()
         self._folder: RunFolder | None = None
+        self._run_log = RunLog(context.log)
 
     @property
     def folder(self) -> RunFolder:
@@ -49,13 +54,24 @@ class RunNode(Trainer):
 
     @abstractmethod
     def work(self) -> None:
-        """Do the work, on its thread: poll ``context.stopping``, and call ``context.end_run`` at the end."""
+        """Do the work, on its thread: poll ``context.stopping``, and call ``end_run`` at the end."""
 
     def begin(self, parent: str, name: str, facts: Mapping[str, Any]) -> None:
         """Create the folder of a new run, with versions and git state in ``run.json``. Raises RunError."""
         about = {**facts, **described(Path(self.facts.folder or "."))}
         self._folder = RunFolder.create(Path(parent), name, about)
         self._folder.lock()
+        self._run_log.open(self._folder)
+
+    def warn(self, text: str) -> None:
+        """Report a warning of the run, on any thread."""
+        self._run_log.note(logging.WARNING, text)
+        self.context.warn(text)
+
+    def end_run(self, reason: str) -> None:
+        """End the run, because its work is done."""
+        self._run_log.note(logging.INFO, reason)
+        self.context.end_run(reason)
 
     def activate(self) -> None:
         """Start the work."""
@@ -76,6 +92,7 @@ class RunNode(Trainer):
             self.release()
             if self._folder is not None:
                 self._folder.unlock()
+            self._run_log.close()
 
     def release(self) -> None:
         """Close environments, files and the like."""
@@ -83,6 +100,12 @@ class RunNode(Trainer):
     def _work(self) -> None:
         try:
             self.work()
+        except Exception as error:
+            if hasattr(error, "exit_code"):
+                self._run_log.note(logging.ERROR, str(error))
+            else:  # a defect, whose place is worth more than its message
+                self._run_log.note(logging.ERROR, f"{type(error).__name__}: {error}", error)
+            raise
         finally:
             self._ended.set()
 
@@ -159,6 +182,7 @@ class LearningNode(RunNode):
         self._folder = RunFolder.open(Path(run))
         refuse_other(self._folder.facts(), facts, self.FREE)
         self._folder.lock()
+        self._run_log.open(self._folder)
         whole = self._folder.checkpoints()
         if not whole:
             raise RunError(f"{self._folder.path} has no checkpoint to continue from: start a new run")
@@ -177,8 +201,9 @@ class LearningNode(RunNode):
         trackers.start(self.folder)
         well = False
         try:
-            if self.prepare():
-                self._learn(trackers)
+            with remedied(self.halves, self.folder), on_cluster(self.folder):
+                if self.prepare():
+                    self._learn(trackers)
             well = True
         except OSError as error:
             path = Path(error.filename or self.folder.path)
@@ -191,8 +216,7 @@ class LearningNode(RunNode):
         latest: dict[str, float] = {}
         try:
             while self.steps < self.total and not self.is_asked_to_stop:
-                with remedied(f"{self.halves}, and {self.folder.then}"):
-                    row = self.advance()
+                row = self.advance()
                 if row is not None:
                     latest |= row
                     self.folder.add_metrics(row)
@@ -206,11 +230,12 @@ class LearningNode(RunNode):
             if self.steps >= self.total:
                 drawn = f", its curves in {picture}" if picture is not None else ""
                 shown = f": {self._shown(latest)}" if self._shown(latest) else ""
-                self.context.end_run(f"{self.steps} {self.UNIT} learned{shown}; {self.result()}{drawn}")
+                self.end_run(f"{self.steps} {self.UNIT} learned{shown}; {self.result()}{drawn}")
             elif not self.context.stopping:
-                self.context.end_run(f"stopped after {self.steps} {self.UNIT}, as another machine asked")
-        except RunError:
-            self._save_if_possible()  # the state from before the failure
+                self.end_run(f"stopped after {self.steps} {self.UNIT}, as another machine asked")
+        except Exception as error:
+            if isinstance(error, (JobError, RunError)) or is_out_of_memory(error):
+                self._save_if_possible()  # the state from before the failure
             raise
         finally:
             board.close()
