@@ -1,15 +1,10 @@
-"""Imitation: LeRobot's policies learn from recordings, stop, go on bit for bit, and say what is wrong.
-
-Why one file: the tests share one tiny data set and one trainer, which take seconds to make.
-"""
+"""Imitation: LeRobot's policies learn from recordings, stop, and go on bit for bit."""
 
 from __future__ import annotations
 
 import json
-import math
-import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -27,79 +22,24 @@ from joshua_dataset.cloud.upload import upload
 from joshua_dataset.reader import Dataset
 from joshua_imitation.build import build
 from joshua_imitation.data import Recording, Windows
-from joshua_imitation.learner import POLICY, STATE, TRAINING, DivergedError, Learner
+from joshua_imitation.learner import POLICY, STATE, TRAINING, Learner
 from joshua_imitation.loader import Maker
 from joshua_imitation.pictures import Album
-from joshua_imitation.policies import is_out_of_memory, without_memory
-from joshua_imitation.settings import ImitationSettings
 from joshua_lerobot.checkpoint import read_checkpoint
 from joshua_training.run_folder import RunError, RunFolder
+from learners import DIFFUSION, differ, rows, settings, weights
+from learners import learner as learner
+from learners import recording as recording
 from safetensors.torch import load_file
 from serving import serving
-from tiny_recordings import FPS, JOINTS, write_recording
-
-SMALL: dict[str, Any] = {
-    "num_epochs": 3,
-    "batch_size": 6,
-    "learning_rate": 1e-3,
-    "chunk_size": 8,
-    "hidden_size": 32,
-    "feedforward_size": 32,
-    "encoder_layers": 1,
-    "report_steps": 2,
-    "validation_steps": 3,
-    "workers": 1,
-    "device": "cpu",
-}
-DIFFUSION: dict[str, Any] = {"hidden_size": 16, "feedforward_size": None, "encoder_layers": None}
-
-torch.set_num_threads(1)
+from tiny_recordings import FPS, JOINTS
 
 
-@pytest.fixture(scope="session")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_recording(tmp_path_factory.mktemp("recording") / "set")
-
-
-@pytest.fixture
-def learner(recording: Path, tmp_path: Path) -> Iterator[Callable[..., Learner]]:
-    """Makes learners, each with a run of its own."""
-    made = []
-
-    def make(continued: Path | None = None, **fields: Any) -> Learner:
-        built = build(settings(recording, **fields), continued)
-        made.append(built)
-        built.album.fill(lambda count: True)
-        found = built.learner(RunFolder.create(tmp_path, "run", {}))
-        if continued is not None:
-            found.restore(continued)
-        return found
-
-    yield make
-    for built in made:
-        built.album.close()
-
-
-def settings(recording: Path, **fields: Any) -> ImitationSettings:
-    return ImitationSettings(dataset=str(recording), **{**SMALL, **fields})
-
-
-def rows(made: Learner, last: int = 10**9) -> list[dict[str, float]]:
-    found = []
-    while made.steps < min(last, made.total):
-        row = made.update()
-        if row is not None:
-            found.append({key: value for key, value in row.items() if not key.startswith("rate/")})
-    made.close()
-    return found
-
-
-def weights(made: Learner) -> dict[str, Any]:
-    return {key: value.clone() for key, value in made.parts.policy.state_dict().items()}
-
-
-def differ(one: dict[str, Any], other: dict[str, Any]) -> bool:
-    return one.keys() != other.keys() or any(not torch.equal(one[key], other[key]) for key in one)
+def smolvla(base: Path) -> dict[str, Any]:
+    """Settings that fine-tune a tiny SmolVLA, which is written into a folder."""
+    tiny_policies.make_smolvla(base)
+    fields = {**DIFFUSION, "hidden_size": None, "chunk_size": None}
+    return fields | {"policy_type": "smolvla", "pretrained": str(base)}
 
 
 @pytest.mark.parametrize("schedule", ["constant", "cosine"])
@@ -255,193 +195,56 @@ def test_diffusion_learns_by_either_loss(learner: Callable[..., Learner]) -> Non
     assert found["l1"] != found["mse"]
 
 
-def test_checkpoints_are_lerobots(learner: Callable[..., Learner], recording: Path) -> None:
-    from lerobot.policies.act.modeling_act import ACTPolicy
-    from lerobot.policies.factory import make_pre_post_processors
+@pytest.mark.parametrize("policy_type", ["act", "diffusion", "smolvla"])
+def test_checkpoints_are_lerobots(
+    learner: Callable[..., Learner], recording: Path, tmp_path: Path, policy_type: str
+) -> None:
+    from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
-    made = learner()
+    fields: dict[str, Any] = {"policy_type": policy_type}
+    if policy_type == "diffusion":
+        fields |= {**DIFFUSION, "cameras": ("top",)}
+    elif policy_type == "smolvla":
+        fields |= smolvla(tmp_path / "base")
+    made = learner(**fields)
     rows(made, 2)
     folder = made.save() / POLICY
-    policy = ACTPolicy.from_pretrained(folder)
+    shutil.rmtree(tmp_path / "base", ignore_errors=True)  # the checkpoint stands by itself
+    policy = get_policy_class(policy_type).from_pretrained(folder)
     assert not differ(policy.state_dict(), weights(made))
     before, after = make_pre_post_processors(policy.config, str(folder))
     item = lerobot_here.lerobot_dataset()("me/set", root=recording)[3]
     seen = {key: value for key, value in item.items() if key.startswith("observation.")}
-    policy.eval()
-    chunk = after(policy.predict_action_chunk(before({**seen, "task": ""})))
-    assert chunk.shape[-2:] == (8, len(JOINTS))
+    action = after(policy.select_action(before({**seen, "task": "wave"})))
+    assert action.shape == (1, len(JOINTS))
+    assert torch.isfinite(action).all()
     found = read_checkpoint(folder)
-    assert (found.type, found.fps) == ("act", FPS)
+    assert (found.type, found.fps) == (policy_type, FPS)
     assert found.described("action") == (JOINTS, "rad")
-    assert {path.suffix for path in folder.parent.rglob("*") if path.is_file()} == {".json", ".safetensors"}
+    kinds = {path.suffix for path in folder.parent.rglob("*") if path.is_file()}
+    assert kinds - {".jinja"} == {".json", ".safetensors"}
 
 
 def test_smolvla_is_fine_tuned_from_a_checkpoint(learner: Callable[..., Learner], tmp_path: Path) -> None:
-    tiny_policies.make_smolvla(tmp_path / "base")
-    fields: dict[str, Any] = {**DIFFUSION, "hidden_size": None, "chunk_size": None, "policy_type": "smolvla"}
-    fields["pretrained"] = str(tmp_path / "base")
+    fields = smolvla(tmp_path / "base")
     made = learner(**fields)
     start = weights(made)
     rows(made, 3)
     moved = [key for key, value in weights(made).items() if not torch.equal(value, start[key])]
     assert any("lm_expert" in key for key in moved)
     assert not any("vision_model" in key for key in moved)
-    kept = made.save()
-    shutil.rmtree(tmp_path / "base")  # the checkpoint stands by itself
-    assert read_checkpoint(kept / POLICY).config["vlm_model_name"] == "vlm"
-    assert json.loads((kept / POLICY / "config.json").read_text())["type"] == "smolvla"
-
-
-def test_a_checkpoint_of_other_features_is_refused(
-    learner: Callable[..., Learner], recording: Path, tmp_path: Path
-) -> None:
-    made = learner()
-    rows(made, 1)
-    start = made.save() / POLICY
-    other = write_recording(tmp_path / "other", joints=JOINTS[:5])
-    with pytest.raises(RunError, match=r"the weights of .* do not fit the data set .*other"):
-        build(settings(other, pretrained=str(start)))
-    with pytest.raises(RunError, match='holds a policy of type act: set policy_type: "act"'):
-        build(settings(recording, pretrained=str(start), policy_type="diffusion", **DIFFUSION))
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(RunError, match=r"pretrained: .*empty has no config.json"):
-        build(settings(recording, pretrained=str(tmp_path / "empty")))
-
-
-@pytest.mark.parametrize("name", [f"{POLICY}/model.safetensors", TRAINING, STATE])
-@pytest.mark.parametrize("how", ["torn", "missing"])
-def test_a_torn_checkpoint_says_so(learner: Callable[..., Learner], name: str, how: str) -> None:
-    made = learner()
-    rows(made, 1)
-    kept = made.save()
-    content = (kept / name).read_bytes()
-    (kept / name).write_bytes(content[: len(content) // 2]) if how == "torn" else (kept / name).unlink()
-    with pytest.raises(RunError, match=r"cannot be used: .*: start a new run, because there is no older one"):
-        learner(kept)
-
-
-def _described(folder: Path, **values: Any) -> None:
-    path = folder / "meta" / "info.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | values))
-
-
-@pytest.mark.parametrize(
-    ("fields", "values", "said"),
-    [
-        ({"joints": tuple("abcdef")}, {}, r"whose observation.state is \['shoulder_pan', .*'a', 'b'"),
-        ({"joints": JOINTS[:5]}, {}, "whose observation.state is "),
-        ({"cameras": ("top", "side")}, {}, "whose observation.images.wrist is a camera, .* it is absent"),
-        ({}, {"fps": 20}, "whose fps is 10, but in .* it is 20"),
-        ({}, {"robot_type": "koch"}, "whose robot_type is SO-ARM100, but in .* it is koch"),
-    ],
-)
-def test_a_run_is_not_continued_with_the_data_of_another_robot(
-    learner: Callable[..., Learner], tmp_path: Path, fields: dict[str, Any], values: dict[str, Any], said: str
-) -> None:
-    made = learner()
-    rows(made, 1)
-    other = write_recording(tmp_path / "other", **fields)
-    _described(other, **values)
-    with pytest.raises(RunError, match=f"the run was started with a data set {said}.*: continue with the"):
-        build(settings(other), made.save())
-
-
-def test_a_loss_that_is_no_number_stops_and_keeps_its_batch(
-    learner: Callable[..., Learner], tmp_path: Path
-) -> None:
-    made = learner()
-    rows(made, 1)
-    with torch.no_grad():
-        next(iter(made.parts.policy.parameters())).fill_(math.nan)
-    made._loader = None
-    with pytest.raises(DivergedError, match=r"loss is not a number at update 2; its batch is in .*: lower"):
-        made.update()
-    made.close()
-    (path,) = tmp_path.glob("run-*/failed_batch_2.safetensors")
-    assert load_file(path)["action"].shape == (6, 8, len(JOINTS))
-    assert made.steps == 1
-
-
-def test_values_of_the_data_set_that_are_no_numbers_are_named(
-    learner: Callable[..., Learner], tmp_path: Path
-) -> None:
-    made = learner(batch_size=20)
-    made._recording.numbers["action"][:] = math.nan
-    with pytest.raises(DivergedError, match="action of the data set has values that are not numbers: run"):
-        made.update()
-    made.close()
-
-
-def test_a_full_disk_leaves_the_checkpoints_before(
-    learner: Callable[..., Learner], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made = learner()
-    rows(made, 1)
-    first = made.save()
-
-    def full(handle: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    made.steps += 1
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(
-        RunError, match="cannot be written: No space left on device: free some space, and continue"
-    ):
-        made.save()
-    monkeypatch.undo()
-    assert [path.name for path in first.parent.iterdir()] == [first.name]
-
-
-def test_without_memory_the_setting_that_halves_it_is_named(recording: Path) -> None:
-    with pytest.raises((RuntimeError, MemoryError)) as caught:
-        torch.empty(1 << 50)
-    assert is_out_of_memory(caught.value)
-    assert not is_out_of_memory(ValueError("shapes"))
-    said = str(without_memory(settings(recording, batch_size=8), "cpu"))
-    assert "for a batch of 8: set batch_size: 4 and accumulation_steps: 2, which needs half" in said
-    said = str(without_memory(settings(recording, batch_size=1), "cuda"))
-    assert 'set precision: "bfloat16"' in said
-    assert "image_width" in str(without_memory(settings(recording, batch_size=1), "cpu"))
-
-
-def test_a_data_set_that_cannot_be_used_is_named(recording: Path, tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="is not a folder here, and LeRobot cannot load it from the hub"):
-        build(settings(Path("acme/nothing")))
-    short = write_recording(tmp_path / "short", lengths=(3,))
-    with pytest.raises(RunError, match="too short for a chunk of this policy"):
-        build(settings(short, policy_type="diffusion", **DIFFUSION))
-    with pytest.raises(RunError, match=r'device: "cuda" is not available; PyTorch .* finds cpu'):
-        build(settings(recording, device="cuda"))
-    copy = tmp_path / "copy"
-    shutil.copytree(recording, copy)
-    stats = json.loads((copy / "meta" / "stats.json").read_text())
-    del stats["action"]
-    (copy / "meta" / "stats.json").write_text(json.dumps(stats))
-    with pytest.raises(RunError, match=r"has no statistics of action: run `joshua dataset stats .* --write`"):
-        build(settings(copy))
-    stats["action"] = {"mean": [math.nan], "std": [1.0]}
-    (copy / "meta" / "stats.json").write_text(json.dumps(stats))
-    with pytest.raises(RunError, match=r"statistics of action in .* are not numbers: run `joshua dataset st"):
-        build(settings(copy))
-    (copy / "meta" / "stats.json").write_text("{")
-    with pytest.raises(
-        RunError, match=r"stats.json cannot be read: .*: run `joshua dataset stats .* --write`"
-    ):
-        build(settings(copy))
-    next((copy / "meta" / "episodes").glob("*/*.parquet")).unlink()
-    with pytest.raises(
-        RunError, match=r"says that it has 3 episodes, but describes \d: run `joshua dataset c"
-    ):
-        build(settings(copy))
+    run = made.save().parents[1].rename(tmp_path / "elsewhere")
+    shutil.rmtree(tmp_path / "base")
+    (policy,) = run.glob(f"checkpoints/*/{POLICY}")
+    again = learner(**{**fields, "pretrained": str(policy)})
+    assert not differ(weights(again), weights(made))
 
 
 def test_adapters_of_smolvla_are_merged_into_its_checkpoint(
     learner: Callable[..., Learner], tmp_path: Path
 ) -> None:
     pytest.importorskip("peft")
-    tiny_policies.make_smolvla(tmp_path / "base")
-    fields: dict[str, Any] = {**DIFFUSION, "hidden_size": None, "chunk_size": None, "policy_type": "smolvla"}
-    fields |= {"pretrained": str(tmp_path / "base"), "lora_rank": 4, "validation_share": 0.0, "max_steps": 4}
+    fields = smolvla(tmp_path / "base") | {"lora_rank": 4, "validation_share": 0.0, "max_steps": 4}
     whole = learner(**fields)
     few = sum(weight.numel() for weight in whole.parts.policy.parameters() if weight.requires_grad)
     assert few < 0.2 * sum(weight.numel() for weight in whole.parts.policy.parameters())

@@ -13,29 +13,34 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from hub_server import TOKEN, HubServer, Repository
 from joshua.testing.domain import reserved_domain
 from joshua.testing.port import free_port
+from programs import STARTUP, program
 from safetensors.numpy import load_file
+from serving import serving
 from tiny_recordings import write_recording
 
-STARTUP = Path(__file__).parent / "startup"
 POLICY, TRAINING, STATE = "pretrained_model", "training.safetensors", "state.json"
 
 TRAIN = """
 general {{ mode: MODE_TRAINING name: "train" id: "train-{name}" }}
 ai {{
-  data_store {{
-    format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL dataset_name: "demos" local_path: "{dataset}"
-  }}
+  {store}
   training {{
     environment: ENV_SIMULATION method: METHOD_IMITATION
     imitation_config {{
-      dataset_name: "demos" num_epochs: {epochs} learning_rate: 0.001 batch_size: 4 chunk_size: 8
+      dataset_name: "{dataset}" num_epochs: {epochs} learning_rate: 0.001 batch_size: 4 chunk_size: 8
       hidden_size: 32 feedforward_size: 32 encoder_layers: 1 report_steps: 1 validation_steps: 4
       checkpoint_steps: 4 threads: 1 device: "cpu" output_folder: "{name}" {more}
     }}
   }}
 }}
+"""
+STORE = """
+  data_store {{
+    format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL dataset_name: "demos" local_path: "{place}"
+  }}
 """
 
 
@@ -43,7 +48,8 @@ def start(
     folder: Path, name: str, dataset: Path, *, epochs: int = 4, more: str = ""
 ) -> subprocess.Popen[str]:
     path = folder / f"{name}{len(more)}.pbtxt"
-    path.write_text(TRAIN.format(name=name, dataset=dataset, epochs=epochs, more=more))
+    store = STORE.format(place=dataset)
+    path.write_text(TRAIN.format(name=name, store=store, dataset="demos", epochs=epochs, more=more))
     with reserved_domain() as domain:
         return subprocess.Popen(
             [sys.executable, "-m", "joshua.cli.main", "--config", str(path)],
@@ -77,7 +83,12 @@ def curve(run: Path) -> list[dict[str, float]]:
     return [{key: value for key, value in row.items() if not key.startswith("rate/")} for row in found]
 
 
-def test_a_stopped_and_a_killed_run_go_on_as_if_nothing_had_happened(tmp_path: Path) -> None:
+def test_a_stopped_and_a_killed_run_go_on_as_if_nothing_had_happened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / "temporary"
+    place.mkdir()
+    monkeypatch.setenv("TMPDIR", str(place))
     recording = write_recording(tmp_path / "recording")
     said = ended(start(tmp_path, "whole", recording))
     assert "24 updates learned: loss" in said
@@ -100,6 +111,10 @@ def test_a_stopped_and_a_killed_run_go_on_as_if_nothing_had_happened(tmp_path: P
     last = [max((path / "checkpoints").iterdir()) for path in (folder, other)]
     for name in (f"{POLICY}/model.safetensors", TRAINING, STATE):
         assert (last[0] / name).read_bytes() == (last[1] / name).read_bytes(), name
+    assert list(place.glob("joshua-*")) == []  # those of the killed one, too
+    log = (folder / "run.log").read_text()
+    assert log.count("INFO continuing after") == 2
+    assert "INFO 24 updates learned: loss" in log
     assert (folder / "curves.svg").is_file()
     assert list((folder / "tensorboard").glob("*tfevents*"))
     facts = json.loads((folder / "run.json").read_text())
@@ -151,6 +166,36 @@ def test_two_machines_learn_together(tmp_path: Path) -> None:
     folders = [next((tmp_path / name).iterdir()) for name in ("first", "second", "alone")]
     same(folders[0], folders[1])
     same(folders[0], folders[2])
+
+
+def test_a_data_set_on_the_hub_is_fetched_and_learned(tmp_path: Path) -> None:
+    recording = write_recording(tmp_path / "recording")
+    files = {
+        path.relative_to(recording).as_posix(): path.read_bytes()
+        for path in recording.rglob("*")
+        if path.is_file()
+    }
+    server = HubServer()
+    server.repositories["me/demos"] = Repository(
+        private=True, branches={"main": files}, tags={"v3.0": "main"}
+    )
+    (tmp_path / "train.pbtxt").write_text(
+        TRAIN.format(name="fetched", store="", dataset="me/demos", epochs=1, more="max_steps: 1")
+    )
+    home = tmp_path / "home"
+    environment = {
+        **{"HF_ENDPOINT": f"http://127.0.0.1:{server.port}", "HF_TOKEN": TOKEN, "HF_HUB_OFFLINE": "0"},
+        **{"HF_HOME": str(home), "HF_LEROBOT_HOME": str(home / "lerobot"), "HF_HUB_DISABLE_XET": "1"},
+    }
+    with serving(server), program(tmp_path, environment) as joshua:
+        said = joshua.run("train")
+    assert "1 updates learned" in said
+    assert "Fetching" not in said
+    assert (home / "lerobot/me/demos/meta/info.json").read_bytes() == files["meta/info.json"]
+    (run,) = (tmp_path / "fetched").iterdir()
+    assert json.loads((run / "run.json").read_text())["settings"]["dataset"] == "me/demos"
+    (policy,) = run.glob(f"checkpoints/*/{POLICY}")
+    assert json.loads((policy / "dataset.json").read_text())["fps"] == 10
 
 
 def same(one: Path, other: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from checkpoints import write_checkpoint, write_dataset
 from joshua.planner.pipeline import examine
 from joshua.planner.request import Purpose, Request
 from joshua.plugins.block_context import BlockContext, DataStoreContext
@@ -153,6 +154,52 @@ def test_an_address_is_streamed_and_checked(tmp_path: Path) -> None:
     assert error.field_path == "ai.training.imitation_config.dataset_name"
     assert "does not name a data set on the Hub" in error.message
     assert error.allowed == ("hf://datasets/NAME/DATA",)
+
+
+@pytest.mark.parametrize("names", [("pan", *"bcdef"), tuple("bacdef"), tuple("abcde")])
+def test_a_checkpoint_of_other_joints_is_refused(tmp_path: Path, names: tuple[str, ...]) -> None:
+    start = write_checkpoint(tmp_path / "start", joints=len(names))
+    assert errors(tmp_path, 'pretrained: "start"') == []  # its joints are unknown
+    write_dataset(start, names=names)
+    (error,) = errors(tmp_path, 'pretrained: "start"')
+    assert error.field_path == "ai.training.imitation_config.pretrained"
+    assert error.message == (
+        f"The observation.state of {start} has the joints {', '.join(names)}, but that of "
+        f"{tmp_path / 'demos'} has a, b, c, d, e, f; a policy tells its joints apart by their position."
+    )
+    assert error.remedy == (
+        "Name a checkpoint of the same joints in the same order, or remove pretrained. If only their names "
+        f"differ, copy meta/info.json of the data set to {start / 'dataset.json'}."
+    )
+    (start / "dataset.json").write_text((tmp_path / "demos" / "meta" / "info.json").read_text())
+    assert errors(tmp_path, 'pretrained: "start"') == []
+
+
+def test_a_checkpoint_that_cannot_be_used_is_refused(tmp_path: Path) -> None:
+    write_checkpoint(tmp_path / "start", kind="smolvla")
+    (error,) = errors(tmp_path, 'pretrained: "start"')
+    assert error.message == f"{tmp_path / 'start'} holds a policy of type smolvla."
+    assert error.remedy.startswith('Set policy_type: "smolvla"')
+    (tmp_path / "start" / "model.safetensors").write_bytes(b"torn")
+    (error,) = errors(tmp_path, 'pretrained: "start" policy_type: "smolvla"')
+    assert "model.safetensors" in error.message
+
+
+@pytest.mark.parametrize(
+    ("fields", "device", "said"),
+    [
+        (
+            {"batch_size": 8},
+            "cpu",
+            "set batch_size: 4 and accumulation_steps: 2, which needs half the memory",
+        ),
+        ({"batch_size": 5, "accumulation_steps": 2}, "cuda", "set batch_size: 2 and accumulation_steps: 6, "),
+        ({"batch_size": 1}, "cuda", 'set precision: "bfloat16", which needs about half the memory'),
+        ({"batch_size": 1}, "cpu", "halve image_width and image_height, which needs a quarter for pictures"),
+    ],
+)
+def test_the_setting_that_halves_the_memory(fields: dict[str, Any], device: str, said: str) -> None:
+    assert ImitationSettings(**fields).halves(device).startswith(said)
 
 
 def test_several_problems_are_told_at_once(tmp_path: Path) -> None:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
-from joshua_dataset.decoding import DatasetError
 from joshua_lerobot.checkpoint import DATASET, CheckpointError, read_checkpoint
+from joshua_training.memory import remedied
 from joshua_training.run_folder import RunError, RunFolder, unusable
 
 from joshua_imitation.augmentation import Augmentation
@@ -18,7 +19,7 @@ from joshua_imitation.group import Group
 from joshua_imitation.learner import POLICY, Learner, read_state
 from joshua_imitation.loader import Maker, Order
 from joshua_imitation.pictures import Album
-from joshua_imitation.policies import make_parts
+from joshua_imitation.policies import MORE_MEMORY, make_parts
 from joshua_imitation.settings import ImitationSettings
 
 
@@ -43,6 +44,7 @@ class Built:
     kept_back: int
 
 
+@remedied(MORE_MEMORY)
 def build(
     settings: ImitationSettings,
     continued: Path | None = None,
@@ -68,21 +70,21 @@ def build(
         except CheckpointError as error:
             raise unusable(continued, error.message) from error
     torch.manual_seed(settings.seed)
-    dataset, stream = open_dataset(settings.dataset)
-    if continued is not None:
-        refuse_other_data(continued / POLICY / DATASET, dataset)
-    try:
+    with contextlib.ExitStack() as undo:
+        dataset, stream = open_dataset(settings.dataset)
+        if stream is not None:
+            undo.callback(stream.close)
+        if continued is not None:
+            refuse_other_data(continued / POLICY / DATASET, dataset)
         recording = Recording(dataset, settings.cameras, stream)
-    except DatasetError as error:
-        raise RunError(str(error)) from error
-    size = (
-        (settings.image_height, settings.image_width)
-        if settings.image_height is not None and settings.image_width is not None
-        else None
-    )
-    learned, kept_back = recording.split(settings.validation_share, settings.seed)
-    album = Album(recording, size, settings.picture_cache_mb, decoded)
-    try:
+        size = (
+            (settings.image_height, settings.image_width)
+            if settings.image_height is not None and settings.image_width is not None
+            else None
+        )
+        learned, kept_back = recording.split(settings.validation_share, settings.seed)
+        album = Album(recording, size, settings.picture_cache_mb, decoded)
+        undo.callback(album.close)
         place = continued / POLICY if continued is not None else None
 
         def total(drop_last: int) -> tuple[Order, int]:
@@ -104,9 +106,7 @@ def build(
                 f"the episodes of {dataset.folder} are too short for a chunk of this policy: set a smaller "
                 "chunk_size"
             )
-    except BaseException:
-        album.close()
-        raise
+        undo.pop_all()
     augmentation = (
         Augmentation(settings.colour_jitter, settings.shift_px, settings.seed, settings.state_noise)
         if settings.colour_jitter or settings.shift_px or settings.state_noise

@@ -110,18 +110,22 @@ class Recording:
 
 
 def refuse_other_data(before: Path, dataset: Dataset) -> None:
-    """Refuse to continue a run with the data set of another robot.
+    """Refuse to continue a run with the data set of another robot, or with other episodes.
 
     Args:
         before: description of the data set so far, in a checkpoint.
 
     Raises:
-        RunError: rate, robot, inputs or joints differ; names the first.
+        RunError: rate, robot, inputs, joints or episodes differ; names the first.
     """
     try:
-        old, new = _identity(json.loads(before.read_text(encoding="utf-8"))), _identity(dataset.info)
+        info = json.loads(before.read_text(encoding="utf-8"))
+        old, new = _identity(info), _identity(dataset.info)
+        counts = [f"{each['total_episodes']} episodes of {each['total_frames']} frames in all"
+                  for each in (info, dataset.info)]  # fmt: skip
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise unusable(before.parent.parent, f"{before.name} does not describe a data set") from error
+        reason = f"{before.name} does not describe a data set ({type(error).__name__}: {error})"
+        raise unusable(before.parent.parent, reason) from error
     for what in {**old, **new}:
         if old.get(what) != new.get(what):
             raise RunError(
@@ -129,6 +133,12 @@ def refuse_other_data(before: Path, dataset: Dataset) -> None:
                 f"{dataset.folder} it is {new.get(what, 'absent')}: continue with the data set of the run, "
                 "or start a new run"
             )
+    if counts[0] != counts[1]:
+        raise RunError(
+            f"the run was started with {counts[0]}, but {dataset.folder} has {counts[1]}: other episodes "
+            "change the order of the batches, the normalisation, and which episodes are for validation. "
+            f'Remove resume_run, and write pretrained: "{before.parent}" to start a new run from its weights'
+        )
 
 
 def _identity(info: Mapping[str, Any]) -> dict[str, Any]:
@@ -150,10 +160,18 @@ def open_dataset(place: str) -> tuple[Dataset, Stream | None]:
     Raises:
         RunError: it does not exist, or cannot be read.
     """
-    stream = Stream(place) if "://" in place else None
-    folder = stream.folder if stream is not None else Path(place)
-    if not folder.is_dir():
-        folder = _fetched(place)
+    if "://" not in place:
+        folder = Path(place)
+        return _read(folder if folder.is_dir() else _fetched(place)), None
+    stream = Stream(place)
+    try:
+        return _read(stream.folder), stream
+    except RunError:
+        stream.close()
+        raise
+
+
+def _read(folder: Path) -> Dataset:
     try:
         found = Dataset.read(folder)
     except DatasetError as error:
@@ -163,12 +181,19 @@ def open_dataset(place: str) -> tuple[Dataset, Stream | None]:
             f"{folder} has the layout {found.version}, {found.format}: run `joshua dataset convert {folder} "
             "TARGET`, and train on TARGET"
         )
-    return with_joined_arms(found), stream
+    return with_joined_arms(found)
 
 
 def _fetched(name: str) -> Path:
+    if Path(name).is_absolute():
+        raise RunError(
+            f"{name} does not exist: correct dataset_name, or give the data set the same path on every "
+            "machine, for example on a network file system"
+        )
+    from huggingface_hub.utils.tqdm import disable_progress_bars
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
+    disable_progress_bars()  # they would fill the log
     try:
         return Path(LeRobotDataset(name).root)
     except Exception as error:

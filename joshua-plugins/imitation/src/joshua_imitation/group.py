@@ -7,7 +7,6 @@ import os
 import socket
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from typing import Any
 import torch
 from joshua_training.run_folder import LibraryMissing, RunError
 
+from joshua_imitation.scratch import Scratch
 from joshua_imitation.settings import ImitationSettings
 
 #: Longest wait for the others: they read the data set, or compute an update.
@@ -199,7 +199,7 @@ class Crew:
         }
         self._log = run / "processes.log"
         # what the processes decode from a stream, also where they cannot remove it themselves
-        self._scratch = tempfile.TemporaryDirectory(prefix="joshua-processes-", ignore_cleanup_errors=True)
+        self._scratch = Scratch("joshua-processes")
         self._children: list[subprocess.Popen[bytes]] = []
         for local in range(1, settings.processes):
             with self._log.open("ab") as log:
@@ -208,7 +208,7 @@ class Crew:
                     stdin=subprocess.PIPE,
                     stdout=log,
                     stderr=log,
-                    env=os.environ | {"TMPDIR": self._scratch.name},
+                    env=os.environ | {"TMPDIR": str(self._scratch.path)},
                 )
             assert child.stdin is not None
             child.stdin.write(json.dumps({**told, "local": local}).encode() + b"\n")
@@ -240,7 +240,7 @@ class Crew:
                 child.wait()
             assert child.stdin is not None
             child.stdin.close()
-        self._scratch.cleanup()
+        self._scratch.close()
 
 
 def _free_port() -> int:

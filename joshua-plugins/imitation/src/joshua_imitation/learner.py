@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from joshua_training.memory import is_out_of_memory, remedied
 from joshua_training.run_folder import RunError, RunFolder, read_part
 from safetensors import SafetensorError
 from safetensors.torch import load, save_file
@@ -20,7 +21,7 @@ from safetensors.torch import load, save_file
 from joshua_imitation.data import Array, Recording
 from joshua_imitation.group import Group, OthersError
 from joshua_imitation.loader import Batch, Loader, Maker, Order, Share
-from joshua_imitation.policies import Parts, is_out_of_memory, save_policy, without_memory
+from joshua_imitation.policies import MORE_MEMORY, Parts, save_policy
 from joshua_imitation.settings import ImitationSettings
 
 POLICY, TRAINING, STATE = "pretrained_model", "training.safetensors", "state.json"
@@ -95,13 +96,10 @@ class Learner:
         failure: RunError | None = None
         found: dict[str, float] = {}
         try:
-            found = self._gradients(next(self._loader))
+            with remedied(self._settings.halves(self._device), self._folder):
+                found = self._gradients(next(self._loader))
         except RunError as error:
             failure = error
-        except (RuntimeError, MemoryError) as error:
-            if not is_out_of_memory(error):
-                raise
-            failure = without_memory(self._settings, self._device)
         has_failed, self.stopped = self._group.agree(failure is not None, self.stops)
         if has_failed:
             self.parts.optimiser.zero_grad()
@@ -251,7 +249,8 @@ class Learner:
     def _write(self, folder: Path) -> None:
         parts = self.parts
         try:
-            save_policy(parts, self._recording.dataset, folder / POLICY)
+            final = self._folder.checkpoint(self.steps) / POLICY
+            save_policy(parts, self._recording.dataset, folder / POLICY, final)
             arrays = {"generator.torch": torch.get_rng_state()}
             if self._device == "cuda":
                 arrays["generator.cuda"] = torch.cuda.get_rng_state()
@@ -277,6 +276,7 @@ class Learner:
         }
         (folder / STATE).write_text(json.dumps(state, indent=2, sort_keys=True) + "\n", encoding="utf-8")
 
+    @remedied(MORE_MEMORY)
     def restore(self, folder: Path) -> None:
         """Continue from a checkpoint, whose weights the policy already has.
 
@@ -312,6 +312,8 @@ class Learner:
             self.steps = int(state["steps"])
             self._window, self._window_steps = dict(state["window"]), int(state["window_steps"])
         except (KeyError, TypeError, ValueError, RuntimeError) as error:
+            if is_out_of_memory(error):
+                raise
             raise RunError(
                 f"the checkpoint {folder} does not fit the policy of this file: {error}: continue with the "
                 "settings of the run"

@@ -12,7 +12,7 @@ from typing import Any
 
 from joshua.api import NodeContext
 from joshua_jobs.choice import opened
-from joshua_jobs.executor import JobError
+from joshua_training.clusters import on_cluster
 from joshua_training.run_folder import LibraryMissing, RunError, refuse_other
 from joshua_training.trainer import LearningNode
 
@@ -82,9 +82,11 @@ class ImitationTrainer(LearningNode):
         self.checkpoint_steps = settings.checkpoint_steps
         continued = self.reopen(settings.resume_run, facts)
         if settings.cluster:
-            self._open_cluster()
+            with on_cluster():
+                self._executor = opened(("ray", settings.cluster), settings.cluster_workers)
         made = build(settings, continued, Group(settings.size) if settings.cluster else None)
         self._album, self._group, self._continued = made.album, made.group, continued
+        self.halves = settings.halves(made.group.device)
         if continued is None:
             self.begin(settings.output_folder, settings.policy_type, facts | {"features": made.features})
         else:
@@ -98,30 +100,20 @@ class ImitationTrainer(LearningNode):
         if settings.is_on_robot:
             from joshua_imitation.robot import RobotRounds
 
-            self._robot = RobotRounds(self.context, settings, self.folder)
+            self._robot = RobotRounds(self.context, settings, self.folder, self.warn)
             self._owes_round = self._robot.is_due(self.steps)  # a stop has interrupted it
         self.context.log.info(
             "%s: training %d weights on %d frames of %d episodes; %d episodes are for validation",
             *(settings.policy_type, made.weights, made.frames, made.learned, made.kept_back),
         )
 
-    def _open_cluster(self) -> None:
-        """Connect to the cluster. Raises RunError."""
-        settings = self._settings
-        try:
-            self._executor = opened(("ray", settings.cluster), settings.cluster_workers)
-        except JobError as error:
-            raise RunError(str(error)) from error
-
     def _follow_workers(self) -> None:
         """Let the workers of the cluster learn, from the checkpoint that was restored here to check it."""
         from joshua_imitation.spread import SpreadLearner
 
         self._album.close()
-        try:
+        with on_cluster():
             self._learner = SpreadLearner(self._executor, self._settings, self.folder, self.steps, self.total)
-        except JobError as error:
-            raise RunError(str(error)) from error
 
     def release(self) -> None:
         """End the loader and the other processes, and remove the decoded pictures."""
@@ -143,7 +135,7 @@ class ImitationTrainer(LearningNode):
         """Decode the pictures, and meet the other processes."""
         if self._settings.cluster:
             self.context.log.info(
-                "%d workers of the cluster %s learn", self._group.size, self._settings.cluster
+                "waiting for %d workers of the cluster %s", self._group.size, self._settings.cluster
             )
             return True
         if not self._album.fill(_Told(self.context, self._album.frames)):
@@ -213,11 +205,10 @@ class ImitationTrainer(LearningNode):
 
     def _followed(self) -> Mapping[str, float] | None:
         """Wait a moment for the workers; those that were lost are counted."""
-        learner, before = self._learner, self._learner.checkpoint
-        try:
-            row = learner.update()
-        except JobError as error:
-            raise RunError(f"{error}, with resume_run") from error
+        learner, before, learned = self._learner, self._learner.checkpoint, self._learner.learns
+        row = learner.update()
+        if learner.learns and not learned:
+            self.context.log.info("%d workers learn together", self._group.size)
         if learner.lost > self._lost:
             self.context.log.warning(
                 "workers lost: %d; all begin again from the last checkpoint", learner.lost - self._lost

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from joshua_dataset.reader import Dataset
 from joshua_training.run_folder import RunError
 
 from joshua_imitation.data import Array, Recording
+from joshua_imitation.scratch import Scratch
 
 MB = 1 << 20
 
@@ -116,12 +116,9 @@ class Album:
         needed = sum(len(recording) * height * width * 3 for height, width in self.sizes.values())
         self.needed_mb = -(-needed // MB)
         self.decoded = self.needed_mb <= room_mb
-        self.folder, self._is_own = folder, folder is None
-        if self.decoded:
-            self.folder = folder or _room(needed)
         if recording.stream is not None and recording.dataset.pictures != "video":
             raise RunError(
-                f"{recording.stream.folder.name} has pictures outside videos, which cannot be streamed: "
+                f"{recording.stream.address} has pictures outside videos, which cannot be streamed: "
                 "fetch the data set with `joshua dataset download`"
             )
         if not self.decoded and recording.dataset.pictures != "video":
@@ -129,18 +126,18 @@ class Album:
                 f"the pictures take {self.needed_mb} MB decoded, and only those of videos can be decoded "
                 f"while they are read: set picture_cache_mb: {self.needed_mb}, or a smaller image_width"
             )
-        self._stores = {
-            key: PictureStore(
-                recording,
-                key,
-                size,
-                self.folder / f"{index}.raw" if self.folder is not None else None,
-                "w+" if self._is_own else "r",
-            )
-            for index, (key, size) in enumerate(self.sizes.items())
-        }
-        self.frames = len(recording) * len(self._stores)
         self._stream = recording.stream
+        self._scratch = _room(needed) if self.decoded and folder is None else None
+        self.folder = self._scratch.path if self._scratch is not None else folder
+        self._stores: dict[str, PictureStore] = {}
+        try:
+            for index, (key, size) in enumerate(self.sizes.items()):
+                file = self.folder / f"{index}.raw" if self.folder is not None else None
+                self._stores[key] = PictureStore(recording, key, size, file, "w+" if folder is None else "r")
+        except RunError:
+            self.close()
+            raise
+        self.frames = len(recording) * len(self._stores)
 
     def fill(self, told: Callable[[int], bool]) -> bool:
         """Decode all if there is room; return False if the run stops. A stream decodes what is wanted."""
@@ -161,9 +158,9 @@ class Album:
         """Removes the decoded pictures, and the copied part of a stream."""
         if self._stream is not None:
             self._stream.close()
-        if self.folder is not None and self._is_own:
+        if self._scratch is not None:
             self._stores = {}
-            shutil.rmtree(self.folder, ignore_errors=True)
+            self._scratch.close()
 
 
 def scaled(picture: Array, size: tuple[int, int]) -> Array:
@@ -190,18 +187,18 @@ def _reserve(file: Path, size: int) -> None:
         ) from error
 
 
-def _room(needed: int) -> Path:
-    place = Path(tempfile.gettempdir())
+def _room(needed: int) -> Scratch:
+    """Make a folder on a disk with enough space. Raises RunError."""
+    scratch = Scratch("joshua-pictures")
+    place = scratch.path.parent
     free = shutil.disk_usage(place).free
     if free < needed + 64 * MB:
+        scratch.close()
         raise RunError(
             f"the decoded pictures take {-(-needed // MB)} MB, and {place} has {free // MB} MB free: set "
             "picture_cache_mb: 0 to decode while reading, a smaller image_width, or TMPDIR to another disk"
         )
-    try:
-        return Path(tempfile.mkdtemp(prefix="joshua-pictures-"))
-    except OSError as error:
-        raise RunError(f"{place} cannot be written: {error.strerror}: set TMPDIR to another disk") from error
+    return scratch
 
 
 def _decoded(dataset: Dataset, episode: Any, key: str) -> Iterator[Array]:

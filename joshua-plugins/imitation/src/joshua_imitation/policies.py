@@ -14,17 +14,26 @@ import numpy as np
 import torch
 from joshua_dataset.decoding import DatasetError
 from joshua_dataset.reader import Dataset
-from joshua_lerobot.checkpoint import DATASET, CheckpointError, read_checkpoint
+from joshua_lerobot.checkpoint import CONFIG, DATASET, PREPROCESSOR, Checkpoint, CheckpointError
 from joshua_lerobot.hub import fetch
+from joshua_lerobot.loading import inner_folder
+from joshua_training.memory import is_out_of_memory, remedied
 from joshua_training.run_folder import LibraryMissing, RunError
 
 from joshua_imitation.data import Windows
 from joshua_imitation.settings import ImitationSettings
+from joshua_imitation.start import read_start
 
 #: Mean and spread of the colours of ImageNet, which normalise the input of its pretrained networks.
 _IMAGENET = {"mean": (0.485, 0.456, 0.406), "std": (0.229, 0.224, 0.225)}
 
 _BACKBONE = "ResNet18_Weights.IMAGENET1K_V1"
+
+#: What to do without a setting that needs less memory.
+MORE_MEMORY = "end other programs, or train on a machine with more memory"
+
+#: Folder of a checkpoint with the description and the tokenizer of its language model.
+LANGUAGE_MODEL = "vlm"
 
 #: Most updates in which a cosine schedule rises.
 _MOST_WARM_UP = 500
@@ -86,12 +95,10 @@ def make_config(
     start: Path | None = None
     inner: Path | None = None
     if settings.pretrained:
-        start, values = _start(settings)
-        name = str(values.get("vlm_model_name") or "")
-        if name and (start / name / "config.json").is_file():
-            inner = start / name
-            values["vlm_model_name"] = str(inner)
-            values["load_vlm_weights"] = False
+        found = _start(settings, dataset)
+        start, values, inner = found.folder, dict(found.config), inner_folder(found)
+        if inner is not None:
+            values |= {"vlm_model_name": str(inner), "load_vlm_weights": False}
     values |= _chosen(settings, values) | {"device": device, "push_to_hub": False, "use_amp": False}
     for name in ("input_features", "output_features"):
         values.pop(name, None)
@@ -101,28 +108,28 @@ def make_config(
         config.input_features, config.output_features = inputs, outputs
         config.validate_features()
     except Exception as error:
-        said = str(error).strip().partition("\n")[0]
+        said = str(_cause(error)).strip().partition("\n")[0]
         raise RunError(
-            f"{settings.policy_type} cannot learn from {dataset.folder} with these settings: {said}"
+            f"{settings.policy_type} cannot learn from {dataset.folder} with these settings: {said}: change "
+            "the setting that this names"
         ) from error
     return config, start, inner
 
 
-def _start(settings: ImitationSettings) -> tuple[Path, dict[str, Any]]:
-    """Return folder and configuration of the checkpoint to start from."""
+def _cause(error: BaseException) -> BaseException:
+    """Return the first error of a chain, which says more than that a class cannot be made."""
+    return error if error.__cause__ is None else _cause(error.__cause__)
+
+
+def _start(settings: ImitationSettings, dataset: Dataset) -> Checkpoint:
+    """Return the checkpoint to start from."""
     try:
         folder = Path(settings.pretrained)
         if not folder.is_dir():
             folder = fetch(settings.pretrained)
-        found = read_checkpoint(folder)
+        return read_start(folder, settings.policy_type, settings.dataset, dataset.info["features"])
     except CheckpointError as error:
         raise RunError(f"pretrained: {error}") from error
-    if found.type != settings.policy_type:
-        raise RunError(
-            f'{folder} holds a policy of type {found.type}: set policy_type: "{found.type}", or name another '
-            "checkpoint in pretrained"
-        )
-    return folder, dict(found.config)
 
 
 def _chosen(settings: ImitationSettings, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -163,6 +170,17 @@ def _chosen(settings: ImitationSettings, values: Mapping[str, Any]) -> dict[str,
     return chosen
 
 
+def _smaller(settings: ImitationSettings, config: Any) -> str:
+    """Say what makes a network smaller that does not fit into the memory."""
+    if settings.pretrained:
+        return f"name a smaller checkpoint in pretrained, or {MORE_MEMORY}"
+    widths = {"hidden_size": getattr(config, "dim_model", None) or config.down_dims[0]}
+    if settings.policy_type == "act":
+        widths["feedforward_size"] = config.dim_feedforward
+    halved = " and ".join(f"{name}: {max(16, width // 16 * 8)}" for name, width in widths.items())
+    return f"set {halved}, which needs about a quarter of the memory for the network"
+
+
 def make_parts(
     settings: ImitationSettings,
     dataset: Dataset,
@@ -181,33 +199,14 @@ def make_parts(
     Raises:
         RunError: settings, data set or checkpoint do not fit; LibraryMissing.
     """
-    from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+    from lerobot.policies.factory import make_pre_post_processors
 
     config, start, inner = make_config(settings, dataset, sizes, device)
-    weights = continued if continued is not None and not settings.lora_rank else start
-    try:
-        kind = get_policy_class(settings.policy_type)
-        policy = (
-            kind(config) if weights is None else kind.from_pretrained(weights, config=config, strict=True)
-        )
-    except ModuleNotFoundError as error:
-        raise LibraryMissing(
-            f"{settings.policy_type} requires {error.name}, which is not installed: install "
-            "joshua-lerobot[policies]"
-        ) from error
-    except (RuntimeError, ValueError, OSError, AssertionError) as error:
-        if is_out_of_memory(error):
-            raise
-        said = " ".join(str(error).split())[:300]
-        if weights is None:
-            raise RunError(f"{settings.policy_type} cannot be made with these settings: {said}") from error
-        raise RunError(
-            f"the weights of {weights} do not fit the data set {dataset.folder}, or the settings of the "
-            f"file: {said}: name a checkpoint that was trained on the same joints and cameras"
-        ) from error
-    if settings.lora_rank:
-        policy = _adapted(policy, settings, start)
-    policy.to(device)
+    with remedied(_smaller(settings, config) if continued is None else MORE_MEMORY):
+        policy = _policy(settings, dataset, config, start, continued)
+        if settings.lora_rank:
+            policy = _adapted(policy, settings, start)
+        policy.to(device)
     if settings.loss == "l1" and settings.policy_type == "diffusion":
         _learn_by_l1(policy)
     before, after = make_pre_post_processors(config, dataset_stats=_statistics(settings, dataset, sizes))
@@ -235,6 +234,42 @@ def make_parts(
         inner=inner,
         adapters=bool(settings.lora_rank),
     )
+
+
+def _policy(
+    settings: ImitationSettings, dataset: Dataset, config: Any, start: Path | None, continued: Path | None
+) -> Any:
+    """Make the network, with the weights to start or to continue with. Raises RunError; LibraryMissing."""
+    from lerobot.policies.factory import get_policy_class
+
+    weights = continued if continued is not None and not settings.lora_rank else start
+    try:
+        kind = get_policy_class(settings.policy_type)
+        if weights is None:
+            return kind(config)
+        return kind.from_pretrained(weights, config=config, strict=True)
+    except ModuleNotFoundError as error:
+        raise LibraryMissing(
+            f"{settings.policy_type} requires {error.name}, which is not installed: install "
+            "joshua-lerobot[policies]"
+        ) from error
+    except (RuntimeError, ValueError, OSError, AssertionError) as error:
+        if is_out_of_memory(error):
+            raise
+        said = " ".join(str(error).split())[:300]
+        if weights is None:
+            remedy = (
+                "set pretrained_backbone: false, or connect to the network, which its weights come from"
+                if settings.pretrained_backbone and isinstance(error, OSError)
+                else "change the setting that this names"
+            )
+            raise RunError(
+                f"{settings.policy_type} cannot be made with these settings: {said}: {remedy}"
+            ) from error
+        raise RunError(
+            f"the weights of {weights} do not fit the data set {dataset.folder}, or the settings of the "
+            f"file: {said}: name a checkpoint that was trained on the same joints and cameras"
+        ) from error
 
 
 def _schedule(settings: ImitationSettings, config: Any, last: int) -> Any:
@@ -305,8 +340,12 @@ def _learn_by_l1(policy: Any) -> None:
     policy.diffusion.compute_loss = changed.__get__(policy.diffusion)
 
 
-def save_policy(parts: Parts, dataset: Dataset, folder: Path) -> None:
-    """Write the policy in LeRobot's format, with the description of its data set beside it."""
+def save_policy(parts: Parts, dataset: Dataset, folder: Path, final: Path) -> None:
+    """Write the policy in LeRobot's format, with the description of its data set beside it.
+
+    Args:
+        final: where the folder will be once it is complete.
+    """
     policy = parts.policy
     if parts.adapters:  # merged, so that loading requires no adapters
         policy = copy.deepcopy(policy).merge_and_unload()
@@ -317,40 +356,21 @@ def save_policy(parts: Parts, dataset: Dataset, folder: Path) -> None:
     info = {
         key: value
         for key, value in dataset.info.items()
-        if key in ("features", "fps", "robot_type", "codebase_version")
+        if key in ("features", "fps", "robot_type", "codebase_version", "total_episodes", "total_frames")
     }
     (folder / DATASET).write_text(json.dumps(info, indent=2) + "\n", encoding="utf-8")
     if parts.inner is not None:
-        shutil.copytree(parts.inner, folder / "vlm", dirs_exist_ok=True)
-        path = folder / "config.json"
-        written = json.loads(path.read_text(encoding="utf-8")) | {"vlm_model_name": "vlm"}
-        path.write_text(json.dumps(written, indent=4), encoding="utf-8")
+        shutil.copytree(parts.inner, folder / LANGUAGE_MODEL, dirs_exist_ok=True)
+        _name_language_model(folder, str(final.absolute() / LANGUAGE_MODEL))
 
 
-def is_out_of_memory(error: BaseException) -> bool:
-    """Return whether an error means that memory is full, on a processor or an accelerator."""
-    said = str(error)
-    return (
-        isinstance(error, (MemoryError, torch.OutOfMemoryError))
-        or "can't allocate memory" in said
-        or "out of memory" in said.lower()
-    )
-
-
-def without_memory(settings: ImitationSettings, device: str) -> RunError:
-    """Return what to change if memory is full: the setting that halves its use."""
-    if settings.batch_size > 1:
-        half = settings.batch_size // 2
-        more = settings.accumulation_steps * -(-settings.batch_size // half)
-        remedy = (
-            f"set batch_size: {half} and accumulation_steps: {more}, which needs half the memory and learns "
-            "the same"
-        )
-    elif settings.precision == "float32" and device != "cpu":
-        remedy = 'set precision: "bfloat16", which needs about half the memory'
-    else:
-        remedy = "halve image_width and image_height, which needs a quarter for pictures, or hidden_size"
-    return RunError(
-        f"the memory of {device} is too small for a batch of {settings.batch_size}: {remedy}, and "
-        "continue with resume_run"
-    )
+def _name_language_model(folder: Path, place: str) -> None:
+    """Name the folder of the language model by its absolute path; LeRobot looks for others on the hub."""
+    for name in (CONFIG, PREPROCESSOR):
+        content = json.loads((folder / name).read_text(encoding="utf-8"))
+        if name == CONFIG:
+            content["vlm_model_name"] = place
+        for step in content.get("steps", ()):
+            if "tokenizer_name" in step.get("config", ()):
+                step["config"]["tokenizer_name"] = place
+        (folder / name).write_text(json.dumps(content, indent=4), encoding="utf-8")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 from joshua.api import NodeContext
@@ -23,11 +24,17 @@ class RobotRounds:
     So an evaluation draws no random number of the training: it learns the same with other episodes.
 
     Args:
-        context: of the node; settings: of the training; folder: of the run.
+        context: of the node; settings: of the training; folder: of the run; warn: takes warnings.
     """
 
-    def __init__(self, context: NodeContext, settings: ImitationSettings, folder: RunFolder) -> None:
-        self._context, self._settings, self._folder = context, settings, folder
+    def __init__(
+        self,
+        context: NodeContext,
+        settings: ImitationSettings,
+        folder: RunFolder,
+        warn: Callable[[str], None],
+    ) -> None:
+        self._context, self._settings, self._folder, self._warn = context, settings, folder, warn
         self._robot = Robot(context)
 
     def is_due(self, steps: int) -> bool:
@@ -86,20 +93,24 @@ class RobotRounds:
                 if later <= last
                 else "Evaluate the last checkpoint with METHOD_EVAL"
             )
-            context.warn(f"update {steps} has no evaluation on the robot: {failure}. {then}")
+            self._warn(f"update {steps} has no evaluation on the robot: {failure}. {then}")
             return {}
         found = {
             f"{PREFIX}{name}": sum(measured(BUILT_IN[name], one) for one in episodes) / wanted
             for name in ON_ROBOT
         }
         context.log.info(
-            "update %d: %d of %d episodes succeeded", steps, sum(one.success for one in episodes), wanted
+            "update %d: %d of %d episodes succeeded",
+            steps,
+            sum(bool(one.success) for one in episodes),
+            wanted,
         )
         return found
 
     def _tell(self, state: str) -> None:
-        done = self._robot.marks.episodes
-        self._context.show(f"{state}; {sum(one.success for one in done)} of {len(done)} succeeded")
+        robot, done = self._robot, self._robot.marks.episodes
+        succeeded = sum(bool(one.success) for one in done)
+        self._context.show(f"{state}; {succeeded} of {len(done)} succeeded{robot.stopped}")
 
     def _is_known(self, steps: int) -> bool:
         path = self._folder.path / "metrics.jsonl"

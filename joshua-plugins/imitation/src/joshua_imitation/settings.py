@@ -8,11 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from joshua.api import BlockContext, FieldError, FieldErrors
+from joshua_lerobot.checkpoint import CheckpointError
+from joshua_lerobot.hub import cached
 from joshua_training.settings import RunSettings
 from pydantic import model_validator
 from typing_extensions import Self
 
 from joshua_imitation.arms import joined_features
+from joshua_imitation.start import read_start
 
 #: Losses that each policy supports, its own first.
 LOSSES: Mapping[str, tuple[str, ...]] = {"act": ("l1",), "diffusion": ("mse", "l1"), "smolvla": ("mse",)}
@@ -136,6 +139,19 @@ class ImitationSettings(RunSettings):
     def loss(self) -> str:
         """Loss that the policy learns by."""
         return self.loss_function or LOSSES[self.policy_type][0]
+
+    def halves(self, device: str) -> str:
+        """Say what halves the memory of an update."""
+        if self.batch_size > 1:
+            half = self.batch_size // 2
+            more = self.accumulation_steps * -(-self.batch_size // half)
+            return (
+                f"set batch_size: {half} and accumulation_steps: {more}, which needs half the memory and "
+                "learns the same"
+            )
+        if self.precision == "float32" and device != "cpu":
+            return 'set precision: "bfloat16", which needs about half the memory'
+        return "halve image_width and image_height, which needs a quarter for pictures, or hidden_size"
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
@@ -336,6 +352,19 @@ class ImitationSettings(RunSettings):
                     allowed=tuple(f'"{name}"' for name in known),
                     remedy="name cameras of the data set",
                 )
+        yield from self._start_problems(features)
+
+    def _start_problems(self, features: Mapping[str, Any]) -> Iterator[FieldError]:
+        """Yield what is wrong with the checkpoint to start from, if it is on this machine."""
+        if not self.pretrained:
+            return
+        folder = Path(self.pretrained)
+        found = folder if folder.is_dir() else cached(self.pretrained)
+        try:
+            if found is not None:
+                read_start(found, self.policy_type, self.dataset, features)
+        except CheckpointError as error:
+            yield _error("pretrained", error.message, remedy=error.remedy)
 
 
 def _layout(info: Mapping[str, Any], version: str) -> str:

@@ -16,12 +16,13 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import torch
-from joshua_jobs.executor import Disconnected, Executor, Post
+from joshua_jobs.executor import Disconnected, Executor, Joint, Post
 from joshua_training.run_folder import RunError, RunFolder
 
 from joshua_imitation.build import Built, build, refuse_half
 from joshua_imitation.group import Group, LostError, OthersError
 from joshua_imitation.learner import Learner
+from joshua_imitation.scratch import Scratch
 from joshua_imitation.settings import ImitationSettings
 
 #: How often the first worker tells its progress where no metrics are due.
@@ -57,13 +58,8 @@ class SpreadLearner:
             "run": str(folder.path),
             "name": f"joshua-training-{os.urandom(8).hex()}",
         }
-        self._told = executor.together(
-            learn,
-            told,
-            settings.size,
-            {"auto": None, "cuda": True}.get(settings.device, False),
-            lambda: self.stops,
-        )
+        gpus = {"auto": None, "cuda": True}.get(settings.device, False)
+        self._told = executor.together(Joint(learn, told, settings.size, gpus, lambda: self.stops))
 
     @property
     def lost(self) -> int:
@@ -130,8 +126,8 @@ def _learn(settings: ImitationSettings, group: Group, path: Path, post: Post) ->
         refuse_half(settings, group.device)
         if not (path / "run.json").is_file():
             raise RunError(
-                f"the node {os.uname().nodename} has no {path}: give the folder of the runs the same path on "
-                "every machine, for example on a network file system"
+                f"{path} does not exist: give the folder of the runs the same path on every machine, for "
+                "example on a network file system"
             )
         folder = RunFolder(path)
         return folder, next(reversed(folder.checkpoints()), None)
@@ -209,12 +205,12 @@ def _follow(learner: Learner, settings: ImitationSettings, tells: bool, post: Po
 
 
 def _by_all(group: Group, work: Callable[[], _Found]) -> _Found:
-    """Do something in every worker, and raise where it failed in any."""
+    """Do something in every worker, and raise where it failed in any: the message names the node."""
     try:
         found = work()
-    except RunError:
+    except RunError as error:
         group.agree(True, False)
-        raise
+        raise type(error)(f"on the node {os.uname().nodename}, {error}") from error
     if group.agree(False, False)[0]:
         raise OthersError("another worker of the training failed: see its message")
     return found
@@ -228,9 +224,10 @@ def _scratch(name: str, group: Group) -> Iterator[None]:
         for left in place.glob(f"{name}-*"):
             shutil.rmtree(left, ignore_errors=True)
     group.sum([0.0])
-    tempfile.tempdir = tempfile.mkdtemp(prefix=f"{name}-", dir=place)
+    scratch = Scratch(name)
+    tempfile.tempdir = str(scratch.path)
     try:
         yield
     finally:
-        shutil.rmtree(tempfile.tempdir, ignore_errors=True)
+        scratch.close()
         tempfile.tempdir = str(place)

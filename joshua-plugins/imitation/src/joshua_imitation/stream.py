@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import tempfile
 import threading
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
@@ -17,6 +16,8 @@ from joshua_dataset.cloud.ledger import Digest
 from joshua_dataset.cloud.store import CHUNK, Outgoing, RemoteFile, Store, Tally
 from joshua_training.run_folder import RunError
 
+from joshua_imitation.scratch import Scratch
+
 #: Blocks of videos that are kept in memory.
 KEPT = 64
 
@@ -28,7 +29,7 @@ class Stream:
         address: such as ``hf://datasets/NAME/DATA``.
 
     Attributes:
-        folder: with its metadata and numbers.
+        address: its own; folder: with its metadata and numbers.
 
     Raises:
         RunError: it cannot be read.
@@ -37,8 +38,10 @@ class Stream:
     def __init__(self, address: str) -> None:
         self._blocks: OrderedDict[tuple[str, int], bytes] = OrderedDict()
         self._lock = threading.Lock()
-        self._scratch = tempfile.TemporaryDirectory(prefix="joshua-stream-", ignore_cleanup_errors=True)
-        self.folder = Path(self._scratch.name)
+        self.address = address
+        self._scratch = Scratch("joshua-stream")
+        self.folder = self._scratch.path / "data"  # a copy begins in an empty folder
+        self.folder.mkdir()
         try:
             self._store = store_of(address)
             self._there = self._store.listing()
@@ -51,7 +54,9 @@ class Stream:
         """Open a video of the data set, by its path below ``folder``. Raises RunError."""
         name = path.relative_to(self.folder).as_posix()
         if name not in self._there:
-            raise RunError(f"{self._store.address} has no {name}, which its metadata name")
+            raise RunError(
+                f"{self.address} has no {name}, which its metadata name: upload the data set again"
+            )
         return _Video(self, self._there[name])
 
     def block(self, there: RemoteFile, number: int) -> bytes:
@@ -73,7 +78,7 @@ class Stream:
 
     def close(self) -> None:
         """Remove the copied numbers."""
-        self._scratch.cleanup()
+        self._scratch.close()
 
 
 class _Video(io.BufferedIOBase):

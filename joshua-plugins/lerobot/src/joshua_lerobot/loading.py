@@ -196,10 +196,14 @@ def _config(checkpoint: Checkpoint, settings: PolicySettings, device: Any) -> An
 
 
 def inner_folder(checkpoint: Checkpoint) -> Path | None:
-    """Return the folder of the language model's description in the checkpoint; None if it is elsewhere."""
-    name = str(checkpoint.config.get("vlm_model_name") or "")
-    place = checkpoint.folder / name
-    return place if name and not Path(name).is_absolute() and (place / "config.json").is_file() else None
+    """Return the folder of the language model's description; None if its name is not that of a folder.
+
+    LeRobot requires an absolute path. A folder of its name in the checkpoint comes first, because the
+    checkpoint may have been moved.
+    """
+    name = Path(str(checkpoint.config.get("vlm_model_name") or ""))
+    places = (checkpoint.folder / name.name, name) if name.is_absolute() else (checkpoint.folder / name,)
+    return next((place for place in places if name.name and (place / "config.json").is_file()), None)
 
 
 def _policy(checkpoint: Checkpoint, config: Any, device: Any) -> Any:

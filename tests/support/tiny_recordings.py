@@ -24,6 +24,7 @@ def write_recording(
     joints: tuple[str, ...] = JOINTS,
     codec: str = "h264",
     arms: tuple[str, ...] = (),
+    fps: int = FPS,
 ) -> Path:
     """Writes episodes in which a square stands where the joints are, and the action is where they go.
 
@@ -38,7 +39,7 @@ def write_recording(
             *(Feature.picture(key, height, width) for key in keys),
         ]
     )
-    layout = DatasetLayout(folder, "SO-ARM100", FPS, features, codec=codec)
+    layout = DatasetLayout(folder, "SO-ARM100", fps, features, codec=codec)
     with contextlib.closing(LeRobotWriter(layout)) as writer:
         writer.open()
         for episode, length in enumerate(lengths):
@@ -54,6 +55,6 @@ def write_recording(
                     at = int((width - 12) * (state[index] + 1) / 2)
                     picture[8:20, at : at + 12] = (220, 180, 20 * (episode % 8))
                     values[key] = picture
-                writer.add_frame(Frame(1_000_000_000 + number * 100_000_000, values))
+                writer.add_frame(Frame(1_000_000_000 + number * 1_000_000_000 // fps, values))
             writer.end_episode("wave" if episode % 2 else "point")
     return folder
