@@ -7,19 +7,14 @@ import errno
 import json
 import os
 import re
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from evaluation_files import write_evaluation
-from joshua.planner.pipeline import examine
-from joshua.planner.request import Request
-from joshua.testing.recording_context import RecordingContext
+from evaluated import evaluated, prepared, results
 from joshua_evaluation.episodes import Arena, play
-from joshua_evaluation.node import Evaluation
 from joshua_evaluation.players import PolicyPlayer
 from joshua_mujoco_sim.opengl import RenderingError, choose_gl
 from joshua_training.run_folder import RunError
@@ -34,36 +29,6 @@ def has_gl() -> bool:
     except RenderingError:
         return False
     return True
-
-
-def prepared(folder: Path, checkpoint: Path | str, more: str = "", **options: Any) -> tuple[Any, Any]:
-    """The node of a file, configured, and its context."""
-    result = examine(Request(str(write_evaluation(folder, checkpoint, more, **options))))
-    assert result.plan is not None, result.errors
-    (spec,) = result.plan.nodes
-    context = RecordingContext(spec)
-    node = Evaluation(context)
-    node.configure()
-    return node, context
-
-
-def evaluated(folder: Path, checkpoint: Path | str, more: str = "", **options: Any) -> tuple[Path, Any]:
-    """Plays an evaluation without videos to its end: its folder and its context."""
-    before = set((folder / "runs").glob("*"))
-    node, context = prepared(folder, checkpoint, f"bootstrap_samples: 200 {more}", **options)
-    node.activate()
-    assert node._ended.wait(120)
-    context.stop()
-    node.deactivate()
-    node.cleanup()
-    (made,) = set((folder / "runs").glob("*")) - before
-    return made, context
-
-
-def results(folder: Path, checkpoint: Path | str, more: str = "videos: 0", **options: Any) -> dict[str, Any]:
-    made, _ = evaluated(folder, checkpoint, more, **options)
-    content: dict[str, Any] = json.loads((made / "results.json").read_text())
-    return content
 
 
 def test_an_evaluation_writes_figures_with_intervals_and_a_report(tmp_path: Path, reaching: Path) -> None:
@@ -217,26 +182,6 @@ def test_the_camera_of_the_videos_can_be_chosen(tmp_path: Path, random_policy: P
     assert (made / "results.json").is_file()
 
 
-def test_a_metric_of_a_plugin_is_reported(
-    tmp_path: Path, reaching: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.delitem(sys.modules, "toy_reach", raising=False)
-    (tmp_path / "toy_reach.py").write_text(
-        "def peak(episode):\n    return float(abs(episode.observations['observation.velocity']).max())\n"
-        "peak.unit = 'rad/s'\n"
-    )
-    info = tmp_path / "toy_reach-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: toy-reach\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[joshua.metrics]\npeak_speed = toy_reach:peak\n")
-    made, _ = evaluated(tmp_path, reaching, 'videos: 0 metrics: ["success_rate", "peak_speed"]')
-    found = json.loads((made / "results.json").read_text())["metrics"]["peak_speed"]
-    assert (found["label"], found["unit"], found["count"]) == ("peak speed", "rad/s", 3)
-    assert found["value"] > 0.1
-    assert "peak speed (rad/s)" in (made / "report.html").read_text()
-
-
 def test_a_stop_keeps_the_episodes_that_are_done(tmp_path: Path, reaching: Path) -> None:
     node, context = prepared(tmp_path, reaching, episodes=100000)
     node.activate()
@@ -262,17 +207,6 @@ def test_a_full_disk_is_said(tmp_path: Path, random_policy: Path, monkeypatch: p
     node.activate()
     assert node._ended.wait(60)
     with pytest.raises(RunError, match=r"cannot be written: No space left on device: free some space, and"):
-        context.stop()
-
-
-def test_smoothness_needs_joints(tmp_path: Path) -> None:
-    write_policy(tmp_path / "ant", environment="joshua/Ant-v0")
-    ant: dict[str, Any] = {"environment": 'environment_id: "joshua/Ant-v0"', "episodes": 1}
-    assert "smoothness" not in results(tmp_path, "ant", **ant)["metrics"]
-    node, context = prepared(tmp_path, "ant", 'metrics: ["smoothness"]', **ant)
-    node.activate()
-    assert node._ended.wait(60)
-    with pytest.raises(Exception, match=r"smoothness requires observation\.state, which joshua/Ant-v0 does"):
         context.stop()
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,6 +15,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
+from emulators_of_runs import bring_about
 from eventually import eventually
 from joshua.api.nodes import TopicSpec
 from joshua.planner.pipeline import examine
@@ -23,49 +26,7 @@ from joshua_evaluation.node import blind_order
 from joshua_evaluation.robot import Marks, Robot, UnansweredError
 from joshua_evaluation.videos import Film
 from joshua_training.run_folder import RunError
-
-ROBOT = """
-general {{ mode: MODE_TRAINING robot_type: "SO-ARM100" name: "judge" id: "judge-robot" }}
-robot {{
-  actions {{
-    node {{
-      node_name: "arm" node_id: 1
-      publishers {{ data_type: JOINT_STATE topic_name: "/arm/joint_states" publish_rate_hz: 50 }}
-      subscriptions {{ data_type: JOINT_STATE topic_name: "/ai/actions" }}
-    }}
-    action_type: ACTION_SINGLE
-    sts3215_config {{
-      comm {{ serial {{ port: "/dev/ttyACM0" baudrate: 1000000 }} }}
-      motor_ids: [1, 2, 3, 4, 5, 6] position_max: 4095 velocity: 1000 acceleration: 200
-    }}
-  }}
-  {camera}
-}}
-ai {{
-  models {{
-    model_type: RANDOM_NOISE
-    {weights}
-    node {{
-      node_name: "policy" node_id: 2
-      publishers {{ data_type: JOINT_STATE topic_name: "/ai/actions" publish_rate_hz: 20 }}
-    }}
-  }}
-  training {{
-    environment: ENV_REAL method: METHOD_EVAL
-    eval_config {{ model_checkpoint: "policy-7" num_episodes: 2 bootstrap_samples: 200 {more} }}
-  }}
-}}
-"""
-
-CAMERA = """
-  perceptions {
-    node {
-      node_name: "front" node_id: 3
-      publishers { data_type: IMAGE topic_name: "/camera/front/image_raw" publish_rate_hz: 15 }
-    }
-    perception_type: PERCEPTION_CAMERA mock_camera_config { width: 640 height: 480 fps: 15 }
-  }
-"""
+from judged_robot import begin, figures, play, run_judged, states, write_judged
 
 
 @pytest.fixture
@@ -76,39 +37,33 @@ def joshua(tmp_path: Path) -> Iterator[JoshuaProgram]:
         program.close()
 
 
-def write(folder: Path, more: str = "", weights: str = "", camera: str = "") -> Path:
+def write(folder: Path, more: str = "", weights: str = "", cameras: tuple[str, ...] = ()) -> Path:
     for name in ("policy-6", "policy-7"):
         (folder / name).mkdir(exist_ok=True)
-    path = folder / "judge.pbtxt"
-    path.write_text(ROBOT.format(more=more, weights=weights, camera=camera))
-    return path
+    return write_judged(
+        folder / "judge.pbtxt",
+        model=f"model_type: RANDOM_NOISE {weights}",
+        rate_hz=20,
+        cameras=cameras,
+        sees=False,
+        training="method: METHOD_EVAL "
+        f'eval_config {{ model_checkpoint: "policy-7" num_episodes: 2 bootstrap_samples: 200 {more} }}',
+    )
 
 
 def errors(path: Path) -> list[Any]:
     return list(examine(Request(str(path), purpose=Purpose.VALIDATE)).errors)
 
 
-def figures(joshua: JoshuaProgram) -> dict[str, Any]:
-    return dict(json.loads(joshua("call", "policy", "figures", "--format", "json").stdout))
-
-
-def play(joshua: JoshuaProgram, mark: str) -> None:
-    eventually(lambda: joshua("episode", "begin").returncode == 0, "an episode begins", timeout_s=60)
-    wanted = figures(joshua)["chunks"] + 10  # time for many states of the arm
-    while figures(joshua)["chunks"] < wanted:
-        continue
-    assert joshua("episode", mark).returncode == 0
-
-
-def test_marked_episodes_of_an_emulated_arm_become_a_report(joshua: JoshuaProgram, tmp_path: Path) -> None:
-    run = joshua.start("--config", str(write(tmp_path)), "--emulate", "--duration", "300")
+@pytest.mark.parametrize("arm", ["--emulate", "--sim"])
+def test_marked_episodes_of_an_arm_become_a_report(joshua: JoshuaProgram, tmp_path: Path, arm: str) -> None:
+    run = joshua.start("--config", str(write(tmp_path)), arm, "--duration", "300")
     assert run.stdout is not None
     assert any(" ready after " in line for line in run.stdout)
     assert (figures(joshua)["chunks"], figures(joshua)["state"]) == (0, "paused")
     for mark in ("failure", "success"):
         play(joshua, mark)
     said = run.communicate(timeout=60)[0]
-    assert run.returncode == 0, said
     assert "2 episodes: success 0.50, " in said
     (folder,) = (tmp_path / "runs").glob("eval-robot-*")
     results = json.loads((folder / "results.json").read_text())
@@ -131,7 +86,7 @@ def test_marked_episodes_of_an_emulated_arm_become_a_report(joshua: JoshuaProgra
 def test_two_checkpoints_play_each_start_in_an_order_that_nobody_is_told(
     joshua: JoshuaProgram, tmp_path: Path
 ) -> None:
-    path = write(tmp_path, 'compare_with: "policy-6"', camera=CAMERA)
+    path = write(tmp_path, 'compare_with: "policy-6"', cameras=("front",))
     run = joshua.start("--config", str(path), "--emulate", "--duration", "300")
     assert run.stdout is not None
     assert any(" ready after " in line for line in run.stdout)
@@ -139,7 +94,6 @@ def test_two_checkpoints_play_each_start_in_an_order_that_nobody_is_told(
     for mark in marks:
         play(joshua, mark)
     said = run.communicate(timeout=60)[0]
-    assert run.returncode == 0, said
     assert "policy-6" not in said
     (folder,) = (tmp_path / "runs").glob("eval-robot-*")
     results = json.loads((folder / "results.json").read_text())
@@ -158,6 +112,42 @@ def test_two_checkpoints_play_each_start_in_an_order_that_nobody_is_told(
     assert "in an order by chance that the person was not told" in page
     assert page.count("<video ") == 4  # the best and the worst episode of each
     assert "best of policy-6: start " in page
+
+
+def test_an_arm_that_faults_in_an_episode_is_named_until_it_is_resumed(
+    joshua: JoshuaProgram, tmp_path: Path
+) -> None:
+    named = "/arm is in the state fault: see `joshua status`, then run `joshua resume arm`"
+
+    def is_named() -> bool:
+        return named in states(joshua)["/training"]["shown"]
+
+    with run_judged(joshua, write(tmp_path)) as run:
+        run.wait("ready after", timeout_s=300)
+        begin(joshua)
+        bring_about(run.text, "arm", "overload", 2)
+        eventually(is_named, "the fault is shown")
+        eventually(lambda: joshua("resume", "arm").returncode == 0, "the arm is resumed")
+        eventually(lambda: not is_named(), "the fault is over")
+        assert joshua("episode", "failure").returncode == 0
+        play(joshua, "success")
+        assert "2 episodes: success 0.50, " in run.end()[1]
+
+
+def test_a_model_that_fails_loads_the_weights_of_its_episode_again(
+    joshua: JoshuaProgram, tmp_path: Path
+) -> None:
+    with run_judged(joshua, write(tmp_path, 'compare_with: "policy-6"')) as run:
+        run.wait("ready after", timeout_s=300)
+        begin(joshua)
+        os.kill(states(joshua)["/policy"]["process_id"], signal.SIGKILL)
+        run.wait("/policy was restarted: it loads its weights again; begin the episode anew", timeout_s=300)
+        for mark in ("success", "failure", "failure", "success"):
+            play(joshua, mark)
+        said = run.end()[1]
+    (folder,) = (tmp_path / "runs").glob("eval-robot-*")
+    results = json.loads((folder / "results.json").read_text())
+    assert len(results["metrics"]["success_rate"]["episodes"]) == 2, said
 
 
 def report(marks: Marks, what: str, number: int) -> None:

@@ -41,3 +41,6 @@ def test_the_preset_ends_with_a_report(tmp_path: Path, random_policy: Path) -> N
     (report,) = (tmp_path / "runs").glob("eval-SoArm100Reach-v0-*/report.html")
     assert f"2 episodes: success 0.00, {report}" in done.stdout
     assert "Traceback" not in done.stderr
+    log = (report.parent / "run.log").read_text()
+    assert f" INFO this evaluation is in {report.parent}\n" in log
+    assert f" INFO 2 episodes: success 0.00, {report}\n" in log

@@ -11,7 +11,7 @@ from joshua.features import ACTION, IMAGES, FeatureSet
 from joshua.tools import load_target
 
 from joshua_evaluation.checkpoints import CheckpointError
-from joshua_evaluation.metrics import Episode
+from joshua_evaluation.metrics import SUCCESS, Episode
 
 #: Size of videos if the policy itself sees no pictures.
 VIDEO_SIZE = (320, 240)
@@ -26,6 +26,7 @@ class Arena:
 
     Attributes:
         features: of observations and actions; action_space; period_s: of a step.
+        provided: what metrics can need of it.
 
     Raises:
         CheckpointError: it cannot be made with these options, or lacks a description.
@@ -47,6 +48,8 @@ class Arena:
             inner = inner.envs[0].unwrapped
         self._inner = inner
         self.features: FeatureSet = getattr(inner, "features", FeatureSet())
+        judged = {SUCCESS} if getattr(inner, "judges_success", True) else set()
+        self.provided = {*self.features, *judged}
         self.action_space = self._vector.single_action_space
         self.period_s = self._period_s()
         self._pictures: tuple[str, ...] = ()
@@ -160,10 +163,10 @@ def play(
             terms[name] = terms.get(name, 0.0) + float(np.asarray(value).reshape(-1)[0])
         if terminated or truncated:
             break
-    success = info.get("is_success")
+    success = info.get(SUCCESS)
     return Episode(
         seed=seed,
-        success=bool(np.asarray(success).reshape(-1)[0]) if success is not None else False,
+        success=bool(np.asarray(success).reshape(-1)[0]) if success is not None else None,
         truncated=truncated and not terminated,
         rewards=np.array(rewards),
         actions=np.array(actions),
@@ -183,7 +186,8 @@ def ranked(episodes: Sequence[Episode]) -> list[int]:
 
     def rank(index: int) -> tuple[int, float, int, int]:
         one = episodes[index]
-        return -one.success, -float(one.rewards.sum()), one.success * one.steps, index
+        won = bool(one.success)
+        return -won, -float(one.rewards.sum()), won * one.steps, index
 
     return sorted(range(len(episodes)), key=rank)
 

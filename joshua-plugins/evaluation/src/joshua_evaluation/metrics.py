@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 #: Entry points of plugins that add metrics.
 GROUP = "joshua.metrics"
 
+#: Value of ``info`` that says whether the task was done.
+SUCCESS = "is_success"
+
 #: SPARC: zeros behind the profile, as a power of two; highest frequency; share of the peak that counts.
 _PAD, _CUT_OFF_HZ, _THRESHOLD = 4, 10.0, 0.05
 
@@ -29,7 +32,8 @@ class Episode:
     """One episode, as metrics see it. Arrays have a row for each step.
 
     Attributes:
-        seed: of its start; success: whether the task was done; truncated: whether time ran out.
+        seed: of its start; success: whether the task was done, None if nothing judges it.
+        truncated: whether time ran out.
         rewards: shape (T,); actions: as the environment took them, shape (T, A).
         observations: physical values by feature, such as ``observation.state`` in rad, shape (T + 1, K).
         latencies_s: time of the policy for each decision, a chunk of actions counting once.
@@ -37,7 +41,7 @@ class Episode:
     """
 
     seed: int
-    success: bool
+    success: bool | None
     truncated: bool
     rewards: FloatArray
     actions: FloatArray
@@ -51,6 +55,11 @@ class Episode:
         """Number of steps."""
         return len(self.rewards)
 
+    @property
+    def outcome(self) -> str:
+        """The success in words; "" if nothing judges it."""
+        return {True: "success", False: "no success", None: ""}[self.success]
+
 
 @dataclass(frozen=True)
 class Metric:
@@ -59,7 +68,7 @@ class Metric:
     Attributes:
         label: as shown; unit: of its values, "" for none; rate: the values are 0 or 1.
         higher: whether larger is better; None if neither is.
-        needs: feature without which it cannot be measured; "" for none.
+        needs: feature, or value of ``info``, without which it cannot be measured; "" for none.
     """
 
     name: str
@@ -72,6 +81,8 @@ class Metric:
 
 
 def _success(episode: Episode) -> bool:
+    if episode.success is None:
+        raise ValueError(f"the environment gives no {SUCCESS}")
     return episode.success
 
 
@@ -128,7 +139,7 @@ def spectral_arc_length(speed: Any, rate_hz: float) -> float:
 BUILT_IN: Mapping[str, Metric] = {
     metric.name: metric
     for metric in (
-        Metric("success_rate", "success rate", _success, rate=True),
+        Metric("success_rate", "success rate", _success, rate=True, needs=SUCCESS),
         Metric("avg_return", "average return", _return),
         Metric("episode_length", "episode length", _length, unit="steps", higher=False),
         Metric("smoothness", "smoothness (SPARC)", _smoothness, needs="observation.state"),

@@ -10,6 +10,7 @@ from typing import Any
 from joshua.api import NodeContext
 from joshua_jobs import executor as jobs
 from joshua_jobs.choice import opened
+from joshua_training.clusters import on_cluster
 from joshua_training.run_folder import RunError
 from joshua_training.trainer import RunNode
 
@@ -121,13 +122,17 @@ class Evaluation(RunNode):
         for start in range(len(marked) // len(candidates)):
             for number in range(start * len(candidates), (start + 1) * len(candidates)):
                 episode = replace(marked[number], seed=start + 1)
-                judged[order[number] if len(candidates) > 1 else 0].add(episode)
+                self._add(judged[order[number] if len(candidates) > 1 else 0], episode)
         return judged
 
+    def _add(self, judged: Judged, episode: Episode) -> None:
+        for said in judged.add(episode):
+            self.context.warn(f"{said}; the other figures go on without it")
+
     def _tell(self, robot: Robot, state: str) -> None:
-        done = [episode.success for episode in robot.marks.episodes]
+        done = [bool(episode.success) for episode in robot.marks.episodes]
         start = f" of start {len(done) // 2 + 1}" if len(self._settings.candidates) > 1 else ""
-        self.context.show(f"{state}{start}; {sum(done)} of {len(done)} succeeded")
+        self.context.show(f"{state}{start}; {sum(done)} of {len(done)} succeeded{robot.stopped}")
 
     def work(self) -> None:
         """Play the episodes, and write figures and report."""
@@ -137,6 +142,10 @@ class Evaluation(RunNode):
             if self._failure is not None:
                 raise RunError(str(self._failure)) from self._failure
             return
+        failed = {name: said for one in judged for name, said in one.failed.items()}
+        for one in judged:
+            one.leave_out(failed)
+        self._about["failed"] = failed
         wanted = self._settings.num_episodes * len(self._settings.candidates)
         count = sum(len(one.episodes) for one in judged)
         complete = count == wanted
@@ -149,8 +158,10 @@ class Evaluation(RunNode):
                 f"{self._failure}. {count} of {wanted} episodes were played; their figures are in "
                 f"{self.folder.path / REPORT}"
             ) from self._failure
+        if missing := [said for name, said in failed.items() if name in self._settings.metrics]:
+            raise RunError(f"{'; '.join(missing)}. The other figures are in {self.folder.path / REPORT}")
         if complete:
-            self.context.end_run(self._summary(judged))
+            self.end_run(self._summary(judged))
 
     def _judged_somewhere(self) -> list[Judged]:
         """Play all episodes here, or on the cluster of the file; fewer if that fails. Raises RunError."""
@@ -158,19 +169,18 @@ class Evaluation(RunNode):
         if not settings.cluster:
             return self._judged()
         try:
-            with opened(("ray", settings.cluster), settings.cluster_workers) as self._executor:
+            with (
+                on_cluster(),
+                opened(("ray", settings.cluster), settings.cluster_workers) as self._executor,
+            ):
                 workers = self._executor.workers
                 self.context.log.info("%d workers of the cluster %s play", workers, settings.cluster)
                 judged = self._judged()
                 self._about["workers_lost"] = self._executor.lost
-        except jobs.JobError as error:
-            raise RunError(str(error)) from error
         finally:
             self._executor = None
         if self._about["workers_lost"]:
-            self.context.warn(
-                f"workers lost: {self._about['workers_lost']}; their episodes were played again"
-            )
+            self.warn(f"workers lost: {self._about['workers_lost']}; their episodes were played again")
         return judged
 
     def _shown(self, judged: Sequence[Judged], robot: Robot) -> tuple[list[report.Clip], str]:
@@ -186,9 +196,8 @@ class Evaluation(RunNode):
             for label, index in chosen(one.order, self._settings.videos):
                 if mp4 := films[index].develop():
                     episode = one.episodes[index]
-                    done = "success" if episode.success else "no success"
                     start = f"start {episode.seed}" if count > 1 else f"episode {episode.seed}"
-                    clips.append(report.Clip(mp4, f"{label} of {one.name}: {start}, {done}"))
+                    clips.append(report.Clip(mp4, f"{label} of {one.name}: {start}, {episode.outcome}"))
         return clips, "" if clips else "No videos: the camera published no picture during an episode."
 
     def _judged(self) -> list[Judged]:
@@ -208,11 +217,11 @@ class Evaluation(RunNode):
                 found.append(judged)
                 self.context.log.info("evaluating %s", candidate.path)
                 for episode in self._played(bout, arena, player):
-                    judged.add(episode)
+                    self._add(judged, episode)
                     done += 1
                     self.context.progress("evaluation", float(done), float(total), unit="episodes")
                     lost = f", {self._executor.lost} workers lost" if self._executor is not None else ""
-                    self.context.show(f"success {judged.success_rate:.2f}{lost}")
+                    self.context.show(f"{' '.join(judged.headline)}{lost}")
             except Stopped:
                 break
             except jobs.JobError as error:
@@ -234,8 +243,8 @@ class Evaluation(RunNode):
             arena.close()
 
     def _measurable(self, arena: Arena) -> tuple[Metric, ...]:
-        """Return the metrics, without default ones that the environment cannot provide numbers for."""
-        lacking = [m for m in self._metrics if m.needs and m.needs not in arena.features]
+        """Return the metrics, without default ones for which the environment lacks something."""
+        lacking = [m for m in self._metrics if m.needs and m.needs not in arena.provided]
         if lacking and self._settings.metrics:
             name, needs = lacking[0].name, lacking[0].needs
             raise CheckpointError(
@@ -283,7 +292,7 @@ class Evaluation(RunNode):
         except Stopped:
             pass
         except Exception as error:  # noqa: BLE001 (OpenGL, codecs: figures are worth more than videos)
-            self.context.warn(f"the report has no videos: {error}")
+            self.warn(f"the report has no videos: {error}")
             return clips, f"No videos: {error}"
         return clips, ""
 
@@ -338,9 +347,9 @@ class Evaluation(RunNode):
         self.context.log.info("report %s", folder.path / REPORT)
 
     def _summary(self, judged: Sequence[Judged]) -> str:
-        rates = " against ".join(f"{one.success_rate:.2f}" for one in judged)
-        count = len(judged[0].episodes)
-        return f"{count} episodes: success {rates}, {self.folder.path / REPORT}"
+        name = judged[0].headline[0]
+        values = " against ".join(one.headline[1] for one in judged)
+        return f"{len(judged[0].episodes)} episodes: {name} {values}, {self.folder.path / REPORT}"
 
 
 def blind_order(starts: int, seed: int) -> list[int]:
@@ -360,8 +369,8 @@ def chosen(order: Sequence[int], count: int) -> list[tuple[str, int]]:
 
 def _caption(label: str, judged: Judged, index: int) -> str:
     episode = judged.episodes[index]
-    done = "success" if episode.success else "no success"
+    outcome = f"{episode.outcome}, " if episode.outcome else ""
     return (
-        f"{label} of {judged.name}: episode {index}, seed {episode.seed}, {done}, "
+        f"{label} of {judged.name}: episode {index}, seed {episode.seed}, {outcome}"
         f"return {episode.rewards.sum():.4g}, {episode.steps} steps"
     )

@@ -59,6 +59,7 @@ def page(results: Mapping[str, Any], judged: Sequence[Judged], clips: Sequence[C
         parts.append(
             f"<p class=notice>Stopped after {results['episodes']} of {results['wanted']} episodes.</p>"
         )
+    parts += [f"<p class=notice>Left out: {_text(said)}.</p>" for said in results.get("failed", {}).values()]
     parts.append(_figures(results))
     if results.get("compared"):
         parts.append(_comparison(results))
@@ -160,9 +161,9 @@ def _strip(judged: Sequence[Judged]) -> str:
         for number, episode in enumerate(one.episodes):
             value = float(episode.rewards.sum())
             x, y = 60 + 900 * (number + 0.5) / count, 190 - 170 * (value - low) / (high - low)
-            fill = _COLOURS[index % 2] if episode.success else "none"
-            told = f"episode {number}, seed {episode.seed}: return {value:.4g}, {episode.steps} steps, "
-            told += "success" if episode.success else "no success"
+            fill = "none" if episode.success is False else _COLOURS[index % 2]
+            told = f"episode {number}, seed {episode.seed}: return {value:.4g}, {episode.steps} steps"
+            told += f", {episode.outcome}" if episode.outcome else ""
             dots.append(
                 f"<circle cx={x:.1f} cy={y:.1f} r=4 fill='{fill}' stroke='{_COLOURS[index % 2]}' "
                 f"stroke-width=1.5><title>{told}</title></circle>"
@@ -171,8 +172,13 @@ def _strip(judged: Sequence[Judged]) -> str:
         "<svg viewBox='0 0 980 220' role=img aria-label='return of each episode'>"
         f"{_frame(low, high, 20, 190)}{''.join(dots)}<text x=60 y=212>episode 0</text>"
         f"<text x=960 y=212 text-anchor=end>{count - 1}</text>"
-        "</svg><p>Filled: success. Hollow: no success.</p>"
+        f"</svg>{'<p>Filled: success. Hollow: no success.</p>' if _judges(judged) else ''}"
     )
+
+
+def _judges(judged: Sequence[Judged]) -> bool:
+    """Whether something judges the success of the episodes."""
+    return all(episode.success is not None for one in judged for episode in one.episodes)
 
 
 def _frame(low: float, high: float, top: int, bottom: int) -> str:
@@ -259,14 +265,16 @@ def _clip(clip: Clip) -> str:
 
 
 def _episodes(judged: Sequence[Judged]) -> str:
-    rows = []
+    rows, judges = [], _judges(judged)
     for index, one in enumerate(judged):
         key = f"<span class=key style='background:{_COLOURS[index % 2]}'></span>" if len(judged) > 1 else ""
         for number, episode in enumerate(one.episodes[:MOST_ROWS]):
             done = "<span class=good>success</span>" if episode.success else "<span class=bad>no</span>"
+            won = (done,) if judges else ()
             figures = (_number(one.values[metric.name][number]) for metric in one.metrics if not metric.rate)
-            rows.append((f"{key}{number}", done, str(episode.seed), str(episode.steps), *figures))
-    head = ("episode", "success", "seed", "steps", *(m.label for m in judged[0].metrics if not m.rate))
+            rows.append((f"{key}{number}", *won, str(episode.seed), str(episode.steps), *figures))
+    success = ("success",) if judges else ()
+    head = ("episode", *success, "seed", "steps", *(m.label for m in judged[0].metrics if not m.rate))
     return f"<details><summary>All episodes</summary>{_table(head, rows)}</details>"
 
 

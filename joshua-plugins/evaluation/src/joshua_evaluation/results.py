@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from joshua_training.statistics import Difference, Estimate, bootstrap, paired, wilson
 
 from joshua_evaluation.episodes import ranked
-from joshua_evaluation.metrics import Episode, Metric, measured
+from joshua_evaluation.metrics import Episode, Metric, MetricError, measured
 
 
 @dataclass
@@ -20,24 +20,41 @@ class Judged:
 
     Attributes:
         name: as in the file; values: of each metric by name, one for each episode.
+        failed: metrics that could not be measured, and why.
     """
 
     name: str
     metrics: Sequence[Metric]
     episodes: list[Episode] = field(default_factory=list)
     values: dict[str, list[float]] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
 
-    def add(self, episode: Episode) -> None:
-        """Add an episode and measure it. Raises MetricError."""
-        figures = {metric.name: measured(metric, episode) for metric in self.metrics}
+    def add(self, episode: Episode) -> list[str]:
+        """Add an episode and measure it. Returns why metrics failed, which are not measured any more."""
         self.episodes.append(episode)
-        for name, value in figures.items():
-            self.values.setdefault(name, []).append(value)
+        said = []
+        for metric in self.metrics:
+            try:
+                self.values.setdefault(metric.name, []).append(measured(metric, episode))
+            except MetricError as error:
+                self.failed[metric.name] = str(error)
+                said.append(str(error))
+        self.leave_out(self.failed)
+        return said
+
+    def leave_out(self, names: Collection[str]) -> None:
+        """Forget metrics and their values."""
+        self.metrics = [metric for metric in self.metrics if metric.name not in names]
+        for name in names:
+            self.values.pop(name, None)
 
     @property
-    def success_rate(self) -> float:
-        """Success rate so far."""
-        return sum(episode.success for episode in self.episodes) / max(1, len(self.episodes))
+    def headline(self) -> tuple[str, str]:
+        """Name and value of the most important figure so far: success, else the return."""
+        count = max(1, len(self.episodes))
+        if any(episode.success is None for episode in self.episodes):
+            return "return", f"{sum(episode.rewards.sum() for episode in self.episodes) / count:.4g}"
+        return "success", f"{sum(bool(episode.success) for episode in self.episodes) / count:.2f}"
 
     @property
     def order(self) -> list[int]:
@@ -127,7 +144,8 @@ def as_csv(judged: Sequence[Judged], *, rewarded: bool = True) -> str:
     writer.writerow((*fixed, *names, *(f"reward.{name}" for name in terms)))
     for one in judged:
         for index, episode in enumerate(one.episodes):
-            row = (one.name, index, episode.seed, int(episode.success), int(episode.truncated), episode.steps)
+            won = "" if episode.success is None else int(episode.success)
+            row = (one.name, index, episode.seed, won, int(episode.truncated), episode.steps)
             figures = (f"{one.values[name][index]:.9g}" for name in names)
             parts = (f"{episode.reward_terms.get(name, 0.0):.9g}" for name in terms)
             total = f"{episode.rewards.sum():.9g}" if rewarded else ""

@@ -27,8 +27,11 @@ PICTURES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 #: How long a model may load weights; the first time it imports its libraries.
 LOAD_S = 600.0
 
-#: Interval at which an evaluation looks for marks.
-_LOOK_S = 0.1
+#: Intervals at which an evaluation looks for marks, and at the state of the other nodes.
+_LOOK_S, _STATES_S = 0.1, 1.0
+
+#: States of a node that acts, or that ends with the run.
+_WELL = ("ready", "stopping", "stopped", "killed")
 
 
 class UnansweredError(Exception):
@@ -116,13 +119,15 @@ class Robot:
 
     Attributes:
         marks: the episodes; filmed: whether a camera shows them.
+        stopped: which nodes are stopped and what resumes them, for the end of a line; "" if none is.
     """
 
     def __init__(self, context: NodeContext) -> None:
         self._context, topics = context, context.spec.subscriptions
         self.marks = Marks([item for item in topics if item.type_name not in (DIAGNOSTIC, *PICTURES)])
-        self.filmed = False
+        self.filmed, self.stopped = False, ""
         self._models: list[str] = []
+        self._weights, self._restarts = "", 0
         for topic in topics:
             take: Callable[[Any, int], None] = partial(self.marks.state, topic.name)
             if topic.type_name == DIAGNOSTIC:
@@ -134,10 +139,14 @@ class Robot:
 
     def use(self, weights: str) -> None:
         """Let the model load weights. Raises RunError: it cannot."""
+        self._weights = ""
+        self._restarts = sum(node.restarts for node in self._nodes() if node.full_name in self._models)
         self._call("use_weights", {"path": weights}, LOAD_S)
+        self._weights = weights
 
     def rest(self) -> None:
         """Let the model free its weights: it moves nothing until it gets others. Raises RunError."""
+        self._weights = ""
         self._call("unload", {}, 30.0)
 
     def wait(
@@ -148,15 +157,17 @@ class Robot:
         Args:
             told: takes the state, for the status line; goal: number of episodes of the evaluation, 0 for
                 ``count``.
-            patience_s: longest time without a begin or a mark.
+            patience_s: longest time without a begin or a mark; a fault of an arm is to be ended within it.
 
         Returns:
             False if the run stops.
 
         Raises:
             UnansweredError: nobody began or marked an episode for too long.
+            RunError: a restarted model cannot load its weights.
         """
         marks, before, since_s = self.marks, (-1, False), time.monotonic()
+        seen_s = -math.inf
         while not self._context.stopping:
             done, runs = len(marks.episodes), marks.runs
             self._context.progress("evaluation", float(done), float(goal or count), unit="episodes")
@@ -164,14 +175,41 @@ class Robot:
                 film.develop()
             if done >= count:
                 return True
+            now_s = time.monotonic()
+            if now_s - seen_s >= _STATES_S:
+                self.stopped, seen_s = self._stopped(), now_s
             if (done, runs) != before:
-                before, since_s = (done, runs), time.monotonic()
-            elif time.monotonic() - since_s > patience_s:
+                before, since_s = (done, runs), now_s
+            elif now_s - since_s > patience_s:
                 wanted = "marked" if runs else "began"
-                raise UnansweredError(f"nobody {wanted} episode {done + 1} within {patience_s:g} s")
+                found = f"nobody {wanted} episode {done + 1} within {patience_s:g} s"
+                raise UnansweredError(found + self.stopped)
             told(f"episode {done + 1} runs" if runs else f"waiting for episode {done + 1}")
             time.sleep(_LOOK_S)
         return False
+
+    def _stopped(self) -> str:
+        """Return which nodes are stopped, and what resumes them; give a restarted model its weights again."""
+        nodes = self._nodes()
+        model = next((node for node in nodes if node.full_name in self._models), None)
+        if self._weights and model and model.state == "ready" and model.restarts != self._restarts:
+            self._context.warn(
+                f"{model.full_name} was restarted: it loads its weights again; begin the episode anew"
+            )
+            self.use(self._weights)
+        return "".join(
+            f"; {node.full_name} is in the state {node.state}: see `joshua status`, then run `joshua resume "
+            f"{node.full_name.strip('/')}`"
+            for node in nodes
+            if node.state not in _WELL
+        )
+
+    def _nodes(self) -> Sequence[Any]:
+        """Return the status of each node of this run; none where it cannot be asked."""
+        try:
+            return self._system().status().nodes
+        except (RunError, CallError):
+            return ()
 
     def _call(self, verb: str, request: dict[str, Any], timeout_s: float) -> None:
         if len(self._models) != 1:
