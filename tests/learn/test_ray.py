@@ -159,7 +159,9 @@ def test_a_lost_worker_is_counted_and_its_job_repeated(cluster: Cluster, tmp_pat
 
 
 def test_a_job_that_always_ends_its_worker_is_given_up(cluster: Cluster) -> None:
-    with pytest.raises(JobError, match="a job lost its worker 4 times, the last time because"):
+    with pytest.raises(
+        JobError, match="lost workers 4 times in a row with the same work, the last time because"
+    ):
         list(cluster.in_order(deadly, [0]))
 
 

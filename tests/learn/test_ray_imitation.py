@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -89,8 +90,9 @@ def last(run: Path) -> Path:
 
 
 def test_a_training_that_loses_a_node_learns_what_two_processes_learn(
-    nodes: Nodes, recording: Path, tmp_path: Path
+    nodes: Nodes, recording: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
+    caplog.set_level(logging.INFO)
     (worker,) = nodes.worker_nodes
     raylet = psutil.Process(worker.all_processes["raylet"][0].process.pid)
 
@@ -111,6 +113,8 @@ def test_a_training_that_loses_a_node_learns_what_two_processes_learn(
     lost = found[-1].pop("workers_lost")
     assert lost >= 1
     assert "workers lost" in context.shown
+    said = caplog.text
+    assert said.index(f"waiting for 2 workers of the cluster {nodes.address}") < said.index("2 workers learn")
     here, _ = trained(write_imitation(tmp_path / "here", recording, num_epochs=12, processes=2))
     expected = rows(here)
     assert [row["steps"] for row in found] == [row["steps"] for row in expected] == list(range(1, 37))

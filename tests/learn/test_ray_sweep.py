@@ -103,6 +103,7 @@ def test_ctrl_c_stops_the_trials_which_save(tmp_path: Path) -> None:
     assert process.returncode == 130, said
     assert re.search(r"^00000 .* interrupted$", said, re.MULTILINE), said
     assert said.rstrip().endswith("interrupted: the trials above keep their last checkpoints"), said
+    assert "stopping: the trials save their last checkpoints (Ctrl-C again ends the wait)\n" in said
     assert "Traceback" not in said
     (run,) = output.glob("00000/runs/*")
     until_s = time.monotonic() + 20

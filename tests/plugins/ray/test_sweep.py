@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from joshua.cli.main import main
+from joshua_jobs.executor import JobError
+from joshua_ray.commands import sweep
+from joshua_ray.outcomes import COMPLETE, FAILED, Record, Sweep
+from joshua_ray.spaces import Space
 
 PRESETS = Path(__file__).resolve().parents[3] / "configs"
 PPO = str(PRESETS / "training_rl_ppo.pbtxt")
+IMITATION = str(PRESETS / "training_imitation.pbtxt")
 RATE = "ai.training.rl_config.learning_rate"
 
 
@@ -33,6 +39,11 @@ def without_ray(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
             2,
             "trains nothing whose settings could be compared",
         ),
+        (
+            [IMITATION, "--set", "ai.training.imitation_config.learning_rate=grid(0.1,0.2)"],
+            2,
+            "is not known before it starts. Add --grace STEPS, after which a trial can be stopped",
+        ),
     ],
 )
 def test_what_cannot_be_swept_is_said(
@@ -48,3 +59,34 @@ def test_numbers_of_the_command_line_are_checked(capsys: pytest.CaptureFixture[s
         main(["sweep", PPO, "--trials", "0"])
     assert ended.value.code == 2
     assert "0 is less than 1" in capsys.readouterr().err
+
+
+def test_without_ray_tune_its_extra_is_named() -> None:
+    """Ray may be installed without the libraries of Tune."""
+    said = r"Ray Tune, which is not complete \(.*\): install joshua-ray\[sweep\]"
+    with pytest.raises(JobError, match=said) as caught:
+        sweep._tuning()
+    assert caught.value.exit_code == 3
+
+
+def test_the_report_names_the_first_failure_and_the_best_trial(capsys: pytest.CaptureFixture[str]) -> None:
+    settings = Sweep(
+        "train.pbtxt", "ai.training.rl_config", (), "", "episode/return", "max", 10, 100, 3, 0, 1.0
+    )
+    found, said = Record(settings), [f"line {number}" for number in range(20)]
+    rows: list[tuple[str, str, dict[str, Any]]] = [
+        ("00000", "0.1", {"ended": FAILED, "error": "\n".join(said)}),
+        ("00001", "0.2", {"ended": FAILED, "error": "another"}),
+        ("00002", "0.3", {"episode/return": 7.0, "steps": 48, "run": "/runs/a", "ended": COMPLETE}),
+    ]
+    for trial, rate, row in rows:
+        outcome = found.of(trial, {RATE: rate})
+        found.add(outcome, row)
+        found.end(outcome)
+    found.of("00002", {}).lost = 1
+    sweep._report(found, [Space(RATE, "grid", items=("0.1", "0.2", "0.3"))])
+    out, err = capsys.readouterr()
+    assert err == "workers lost: 1; their trials were continued elsewhere\n" + "".join(
+        f"{line}\n" for line in ("2 of 3 trials failed. The first, 00000:", *(f"  {x}" for x in said[-13:]))
+    )
+    assert out.endswith(f"best: /runs/a\n  --set '{RATE}=0.3'\n")

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import os
-import re
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from joshua_jobs.executor import Crew, Executor, Item, JobError, Post, Result, Stopped, never
+from joshua_jobs.executor import Crew, Executor, Item, JobError, Joint, Result, Stopped, never
 
 from joshua_ray.addresses import LOCAL
+from joshua_ray.failures import Losses, Patience, explained, require_train
 from joshua_ray.joining import joined, started_here
 from joshua_ray.together import run
 
@@ -24,14 +22,8 @@ POLL_S = 0.5
 #: How long a cluster without any worker is given to get one.
 PATIENCE_S = 30.0
 
-#: Workers that one job may lose: it probably kills them.
-ATTEMPTS = 4
-
 #: Share of a core that a member of a crew reserves, so that the cores left after a loss suffice for all.
 SHARE = 0.1
-
-#: What Ray Train requires beside Ray.
-_FOR_RAY_TRAIN = ("fsspec", "pandas", "psutil", "pyarrow", "pydantic", "requests")
 
 
 class Cluster(Executor):
@@ -60,17 +52,33 @@ class Cluster(Executor):
 
     def cores(self, resource: str = "CPU") -> float:
         """Return the cores, or GPUs, of the nodes that are alive, which tasks can reserve."""
-        nodes = self._ray.nodes()
-        return sum(float(node["Resources"].get(resource, 0.0)) for node in nodes if node["Alive"])
+        return sum(self._of_nodes(resource))
 
     def largest(self) -> float:
         """Return the cores of the node that has the most."""
-        nodes = [node for node in self._ray.nodes() if node["Alive"]]
-        return max((float(node["Resources"].get("CPU", 0.0)) for node in nodes), default=0.0)
+        return max(self._of_nodes("CPU"), default=0.0)
 
-    def patience(self, needed: float, resource: str = "CPU") -> Patience:
-        """Return what raises JobError once the cluster has had too few cores, or GPUs, for a while."""
-        return Patience(self, needed, self._patience_s, resource)
+    def _of_nodes(self, resource: str) -> list[float]:
+        from ray import exceptions
+
+        try:
+            nodes = self._ray.nodes()
+        except exceptions.RayError as error:
+            raise self._gone(error) from error
+        return [float(node["Resources"].get(resource, 0.0)) for node in nodes if node["Alive"]]
+
+    def _gone(self, why: object) -> JobError:
+        return JobError(
+            f"the cluster {self.address} is lost: {str(why).rstrip('.')}. Start it, and run the command again"
+        )
+
+    def patience(self, each: float, count: int = 1, resource: str = "CPU") -> Patience:
+        """Return what raises JobError once the cluster has had too few cores, or GPUs, for a while.
+
+        Args:
+            each: that a worker requires; count: of the workers.
+        """
+        return Patience(self.address, self.cores, each, count, self._patience_s, resource)
 
     def in_order(
         self,
@@ -85,7 +93,7 @@ class Cluster(Executor):
         waiting: deque[_Job] = deque()
         try:
             for item in items:
-                waiting.append(_Job(remote, item, remote.remote(item)))
+                waiting.append(_Job(remote, item, remote.remote(item), Losses(self.address)))
                 if len(waiting) >= limit:
                     yield self._result(waiting.popleft(), stopping)
             while waiting:
@@ -99,25 +107,11 @@ class Cluster(Executor):
         """See ``Executor``."""
         return _RayCrew(self, self._ray, make, arguments)
 
-    def together(
-        self,
-        function: Callable[[Item, Post], None],
-        item: Item,
-        count: int,
-        gpus: bool | None = None,
-        stopping: Callable[[], bool] = never,
-    ) -> Iterator[Any]:
+    def together(self, work: Joint[Any]) -> Iterator[Any]:
         """See ``Executor``."""
-        for name in _FOR_RAY_TRAIN:
-            if importlib.util.find_spec(name) is None:
-                raise JobError(
-                    f"workers that learn together require {name}, which is not installed: install "
-                    "joshua-ray[train] on every node",
-                    3,
-                )
-        if gpus is None:
-            gpus = self.cores("GPU") >= count
-        return run(self, self._ray, SHARE, function, item, count, gpus, stopping)
+        require_train()
+        gpus = self.cores("GPU") >= work.count if work.gpus is None else work.gpus
+        return run(self, self._ray, SHARE, replace(work, gpus=gpus))
 
     def close(self) -> None:
         """See ``Executor``."""
@@ -132,29 +126,20 @@ class Cluster(Executor):
 
     def _result(self, job: _Job, stopping: Callable[[], bool]) -> Any:
         while True:
-            self.wait(job.answer, 1.0, stopping)
+            self.wait(job.answer, self.patience(1.0), stopping)
             found = self.answered(job.answer)
             if not isinstance(found, _Lost):
                 return found
             self.lost += 1
-            job.attempts += 1
-            if job.attempts == ATTEMPTS:
-                raise JobError(
-                    f"a job lost its worker {ATTEMPTS} times, the last time because {found.why}. It may need "
-                    "more memory than a worker has: start the nodes with fewer cores (ray start --num-cpus)"
-                )
+            job.losses.add(found.why)
             job.answer = job.remote.remote(job.item)
 
-    def wait(self, answer: Any, needed: float, stopping: Callable[[], bool]) -> None:
+    def wait(self, answer: Any, patience: Patience, stopping: Callable[[], bool]) -> None:
         """Wait for an answer.
-
-        Args:
-            needed: cores without which none can come.
 
         Raises:
             Stopped: ``stopping`` returned True. JobError: no worker was left for a while.
         """
-        patience = self.patience(needed)
         while not self._ray.wait([answer], timeout=POLL_S, fetch_local=False)[0]:
             if stopping():
                 raise Stopped
@@ -164,9 +149,7 @@ class Cluster(Executor):
         """Return the answer of an actor on this node. Raises JobError if it is lost, and so the node."""
         found = self.answered(answer)
         if isinstance(found, _Lost):
-            raise JobError(
-                f"the cluster {self.address} is lost: {found.why}. Start it, and run the command again"
-            )
+            raise self._gone(found.why)
         return found
 
     def end_of(self, work: Any) -> None:
@@ -178,20 +161,14 @@ class Cluster(Executor):
         except Exception as error:
             said = str(error).strip()
             if "No module named" in said:
-                raise self._without(_imported_in_vain(said)) from error
+                raise explained(self.address, ImportError(said)) from error
             last = said.splitlines()[-1] if said else type(error).__name__
             raise JobError(
                 f"the workers of the cluster {self.address} cannot work together: {last[:300]}. Let the "
                 "nodes connect to each other on all ports, and run the command again"
             ) from error
         if isinstance(found, _Lost):
-            raise JobError(f"the cluster {self.address} is lost: {found.why}. Run the command again")
-
-    def _without(self, module: str) -> JobError:
-        return JobError(
-            f"a worker of the cluster {self.address} cannot import {module}: install "
-            "the same distributions of JOSHUA on every node"
-        )
+            raise self._gone(found.why)
 
     def answered(self, answer: Any) -> Any:
         """Return an answer that is there, or ``_Lost``. Raises the exception of the job."""
@@ -201,10 +178,8 @@ class Cluster(Executor):
             return self._ray.get(answer)
         except exceptions.RayTaskError as error:
             cause = getattr(error, "cause", None)
-            if isinstance(cause, ImportError) or "failed to import on the worker" in str(cause):
-                raise self._without(getattr(cause, "name", None) or _imported_in_vain(str(cause))) from error
             if isinstance(cause, Exception):
-                raise cause from None
+                raise explained(self.address, cause) from None
             raise JobError(f"a job failed: {error}") from error
         except (
             exceptions.WorkerCrashedError,
@@ -220,49 +195,6 @@ class Cluster(Executor):
             raise JobError(f"the cluster {self.address} failed: {error}") from error
 
 
-class Patience:
-    """Gives a cluster that has too few cores time to get some.
-
-    Args:
-        cluster: asked for its cores; needed: cores; limit_s: how long they may be missing.
-        resource: what is needed, ``CPU`` or ``GPU``.
-    """
-
-    def __init__(self, cluster: Cluster, needed: float, limit_s: float, resource: str = "CPU") -> None:
-        self._cluster, self._needed, self._limit_s = cluster, needed, limit_s
-        self._resource = resource
-        self._since: float | None = None
-
-    def check(self) -> None:
-        """To be called often. Raises JobError if cores have been missing for too long."""
-        there = self._cluster.cores(self._resource)
-        if there >= self._needed:
-            self._since = None
-            return
-        now = time.monotonic()
-        self._since = now if self._since is None else self._since
-        if now - self._since >= self._limit_s:
-            address = self._cluster.address
-            if there:
-                kind = "cores" if self._resource == "CPU" else f"{self._resource}s"
-                raise JobError(
-                    f"the cluster {address} has {there:g} {kind}, and its workers have required "
-                    f"{self._needed:g} for {self._limit_s:g} s. Start nodes (ray start --address={address}), "
-                    "or write fewer workers"
-                )
-            raise JobError(
-                f"all workers of the cluster {address} are lost: no node with a free core for "
-                f"{self._limit_s:g} s. Start nodes (ray start --address={address}), and run the "
-                "command again"
-            )
-
-
-def _imported_in_vain(text: str) -> str:
-    """Return the module that a traceback of Ray says is missing."""
-    found = re.search(r"No module named '([^']+)'", text)
-    return found[1] if found else "the job"
-
-
 @dataclass
 class _Job:
     """A job in progress."""
@@ -270,7 +202,7 @@ class _Job:
     remote: Any
     item: Any
     answer: Any
-    attempts: int = 0
+    losses: Losses
 
 
 @dataclass(frozen=True)
@@ -307,31 +239,29 @@ class _RayCrew(Crew):
         method: str,
         arguments: Sequence[tuple[Any, ...]],
         stopping: Callable[[], bool] = never,
-        again: Sequence[tuple[Any, ...]] | None = None,
     ) -> list[Any]:
         """See ``Crew``."""
         answers = [
             member.call.remote(method, *some) for member, some in zip(self._members, arguments, strict=True)
         ]
-        repeated = arguments if again is None else again
         return [
-            self._result(index, method, repeated[index], answers[index], stopping)
-            for index in range(len(answers))
+            self._result(index, method, arguments[index], answer, stopping)
+            for index, answer in enumerate(answers)
         ]
 
     def _result(
         self, index: int, method: str, arguments: tuple[Any, ...], answer: Any, stopping: Callable[[], bool]
     ) -> Any:
-        cluster = self._cluster
-        for _ in range(ATTEMPTS):
-            cluster.wait(answer, SHARE * len(self._members), stopping)
+        cluster, losses = self._cluster, Losses(self._cluster.address)
+        while True:
+            cluster.wait(answer, cluster.patience(SHARE, len(self._members)), stopping)
             found = cluster.answered(answer)
             if not isinstance(found, _Lost):
                 return found
             cluster.lost += 1
+            losses.add(found.why)
             self._members[index] = self._made(self._arguments[index])
             answer = self._members[index].call.remote(method, *arguments)
-        raise JobError(f"a worker was lost {ATTEMPTS} times, the last time because {found.why}")
 
     def share(self, value: Any) -> Any:
         """See ``Crew``."""

@@ -129,7 +129,11 @@ def _work(told: dict[str, Any]) -> None:
 
 
 class _Connected(TorchConfig().backend_cls):  # type: ignore[misc,unused-ignore]
-    """Connects the workers by the network of their nodes. A host name may stand for the loopback alone."""
+    """Connects the workers by the network of their nodes. A host name may stand for the loopback alone.
+
+    Gloo chooses the network before the function of the workers runs. Ray has no setting for it that can
+    differ from node to node; ``on_start`` of the class ``backend_cls`` is its documented developer interface.
+    """
 
     def on_start(self, worker_group: Any, backend_config: Any) -> None:
         """See ``Backend``."""

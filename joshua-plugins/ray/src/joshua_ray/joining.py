@@ -29,18 +29,34 @@ _LOCAL_TOKEN = secrets.token_hex(32)
 
 
 def started_here() -> Any:
-    """Start a cluster of this machine, on the loopback, with a token that only its processes know."""
+    """Start a cluster of this machine, on the loopback, with a token that only its processes know.
+
+    Raises:
+        JobError: Ray cannot start it.
+    """
     os.environ["RAY_AUTH_MODE"] = "token"
     os.environ["RAY_AUTH_TOKEN"] = _LOCAL_TOKEN
     module = _imported(on_loopback=True)
-    _init(
-        module,
-        address=LOCAL,
-        num_cpus=len(os.sched_getaffinity(0)),
-        include_dashboard=False,
-        object_store_memory=LOCAL_STORE,
-    )
+    try:
+        _init(
+            module,
+            address=LOCAL,
+            num_cpus=len(os.sched_getaffinity(0)),
+            include_dashboard=False,
+            object_store_memory=LOCAL_STORE,
+        )
+    except Exception as error:  # Ray has no class of its own for a start that takes too long
+        module.shutdown()
+        raise JobError(
+            f"Ray cannot start a cluster of this machine: {_first(error)}. Free memory, disk space and "
+            "cores, and run the command again"
+        ) from error
     return module
+
+
+def _first(error: Exception) -> str:
+    """Return the first sentence of what Ray says."""
+    return " ".join(str(error).split()).partition(". ")[0].rstrip(".")
 
 
 def joined(address: str) -> Any:

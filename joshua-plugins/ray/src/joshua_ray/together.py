@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from joshua_jobs.executor import JobError, Post
+from joshua_jobs.executor import Joint
+
+from joshua_ray.failures import Losses, explained
 
 if TYPE_CHECKING:
     from joshua_ray.cluster import Cluster
@@ -14,23 +16,11 @@ if TYPE_CHECKING:
 #: How often the caller looks for what the workers tell.
 POLL_S = 0.3
 
-#: Losses without anything told in between: the function probably ends its worker.
-ATTEMPTS = 4
-
 #: How long the other workers may take to end after the function has failed in one.
 PARTING_S = 20.0
 
 
-def run(
-    cluster: Cluster,
-    module: Any,
-    share: float,
-    function: Callable[[Any, Post], None],
-    item: Any,
-    count: int,
-    gpus: bool,
-    stopping: Callable[[], bool],
-) -> Iterator[Any]:
+def run(cluster: Cluster, module: Any, share: float, joint: Joint[Any]) -> Iterator[Any]:
     """See ``Executor.together``.
 
     Args:
@@ -38,33 +28,28 @@ def run(
     """
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
+    function, count, gpus = joint.function, joint.count, bool(joint.gpus)
     here = NodeAffinitySchedulingStrategy(module.get_runtime_context().get_node_id(), soft=False)
     box = module.remote(num_cpus=0, scheduling_strategy=here)(Box).remote()
-    told = {"function": f"{function.__module__}:{function.__qualname__}", "item": item, "box": box}
+    told = {"function": f"{function.__module__}:{function.__qualname__}", "item": joint.item, "box": box}
     work = module.remote(num_cpus=0, max_retries=0, scheduling_strategy=here)(fit).remote(
         told, count, share, gpus
     )
-    patience = [cluster.patience(share * count), *([cluster.patience(count, "GPU")] if gpus else [])]
-    losses, failure, until_s = 0, None, float("inf")
+    patience = [cluster.patience(share, count), *([cluster.patience(1.0, count, "GPU")] if gpus else [])]
+    losses, failure, until_s = Losses(cluster.address), None, float("inf")
     while True:
         ended = bool(module.wait([work], timeout=0, fetch_local=False)[0])  # before the box is emptied
-        for kind, value in cluster.asked(box.take.remote(stopping())):
+        for kind, value in cluster.asked(box.take.remote(joint.stopping())):
             if kind == "told":
-                losses = 0
+                losses.end()
                 yield value
             elif kind == "lost":
                 cluster.lost += value[0]
-                losses += 1
-                if losses == ATTEMPTS:
-                    raise JobError(
-                        f"workers were lost {ATTEMPTS} times in a row, the last time because {value[1]}. "
-                        "They may need more memory than their nodes have: write fewer workers, and run the "
-                        "command again"
-                    )
+                losses.add(value[1])
             elif failure is None:
                 failure, until_s = value, time.monotonic() + PARTING_S
         if failure is not None and (ended or time.monotonic() > until_s):
-            raise failure
+            raise explained(cluster.address, failure)
         if ended:
             cluster.end_of(work)
             return

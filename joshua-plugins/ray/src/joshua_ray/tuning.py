@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import shutil
+import signal
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -31,16 +32,31 @@ class Watch(tune.Callback):  # type: ignore[misc,unused-ignore]
 
     Args:
         record: of the sweep; cluster: that runs them; shown: called with each trial that begins or ends.
+        stopping: called at Ctrl-C.
     """
 
-    def __init__(self, record: Record, cluster: Cluster, shown: Callable[[Outcome], None]) -> None:
-        self._record, self._shown = record, shown
+    def __init__(
+        self,
+        record: Record,
+        cluster: Cluster,
+        shown: Callable[[Outcome], None],
+        stopping: Callable[[], None],
+    ) -> None:
+        self._record, self._shown, self._stopping = record, shown, stopping
         self._patience = cluster.patience(record.sweep.cores)
+        self._of_tune: Any = None
 
     def on_step_begin(self, iteration: int, trials: Any, **info: Any) -> None:
         """See ``Callback``. Raises JobError if all workers are lost."""
         del iteration, trials, info
+        if self._of_tune is None:
+            self._of_tune = signal.signal(signal.SIGINT, self._interrupt)
         self._patience.check()
+
+    def _interrupt(self, number: int, frame: Any) -> None:
+        """Say that the sweep stops, and let Tune stop it, which lets a second Ctrl-C interrupt that."""
+        self._stopping()
+        self._of_tune(number, frame)
 
     def on_trial_start(self, iteration: int, trials: Any, trial: Any, **info: Any) -> None:
         """See ``Callback``."""
@@ -78,12 +94,18 @@ class Watch(tune.Callback):  # type: ignore[misc,unused-ignore]
 
 
 def run(
-    sweep: Sweep, spaces: list[Space], cluster: Cluster, limit: int | None, shown: Callable[[Outcome], None]
+    sweep: Sweep,
+    spaces: list[Space],
+    cluster: Cluster,
+    limit: int | None,
+    shown: Callable[[Outcome], None],
+    stopping: Callable[[], None],
 ) -> Record:
     """Run the trials on a connected cluster. Ctrl-C ends them early.
 
     Args:
         limit: of trials at the same time; shown: called with each trial that begins or ends.
+        stopping: called at Ctrl-C.
 
     Raises:
         JobError: all workers are lost.
@@ -114,13 +136,18 @@ def run(
             storage_path=str(scratch),
             checkpoint_config=tune.CheckpointConfig(checkpoint_at_end=False),  # runs have their own
             failure_config=tune.FailureConfig(max_failures=RETRIES),
-            callbacks=[Watch(record, cluster, shown)],
+            callbacks=[Watch(record, cluster, shown, stopping)],
             verbose=0,
         ),
     )
+    usual = signal.getsignal(signal.SIGINT)
     try:
         tuner.fit()
+    except BaseException:  # Ctrl-C again, too
+        record.interrupt()
+        raise
     finally:
+        signal.signal(signal.SIGINT, usual)
         shutil.rmtree(scratch, ignore_errors=True)
         record.write()
     return record

@@ -103,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
             _make(Path(sweep.folder))
             sys.stdout.write(f"sweep in {sweep.folder}, on {cluster.cores():g} cores\n")
             sys.stdout.flush()
-            record = tuning.run(sweep, varied, cluster, arguments.workers, _shown)
+            record = tuning.run(sweep, varied, cluster, arguments.workers, _shown, _stopping)
     except JobError as error:
         sys.stderr.write(f"joshua sweep: {error}\n")
         return error.exit_code
@@ -215,6 +215,12 @@ def _shown(outcome: Outcome) -> None:
         value = "no result" if outcome.value is None else f"{outcome.value:.4g}"
         sys.stdout.write(f"{outcome.trial}: {outcome.state}, {value} after {outcome.steps} steps\n")
     sys.stdout.flush()
+
+
+def _stopping() -> None:
+    """Print that Ctrl-C arrived."""
+    sys.stderr.write("stopping: the trials save their last checkpoints (Ctrl-C again ends the wait)\n")
+    sys.stderr.flush()
 
 
 def _report(record: Record, varied: list[Space]) -> None:
