@@ -21,7 +21,7 @@ torch=$(sed -n 's/.*pip install \(torch==[^ ]*\) .*/\1/p' "$root/constraints-lea
 "$folder/bin/python" -m pip install --quiet "$torch" "$@"
 "$folder/bin/python" -m pip install --quiet --no-deps -r "$root/constraints-learn.txt"
 set --
-for plugin in calibration dataset evaluation imitation inference jobs lerobot mujoco-sim onnx ppo-trainer ray smolvla training; do
+for plugin in calibration dataset evaluation imitation inference jobs lerobot mujoco-sim onnx ppo-trainer ray smolvla teleop-input training; do
     set -- "$@" -e "$root/joshua-plugins/$plugin"
 done
 "$folder/bin/python" -m pip install --quiet --no-deps -e "$root/joshua-core" "$@"

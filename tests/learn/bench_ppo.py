@@ -15,6 +15,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
+from google.protobuf import text_format
 from joshua.schema import config_pb2 as pb
 from joshua_mujoco_sim.envs import make_vector_environment
 from joshua_ppo_trainer.learner import Learner
@@ -22,18 +23,21 @@ from joshua_ppo_trainer.settings import TrainerSettings
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-REACH = "joshua/SoArm100Reach-v0"
-STEPS = 120_000
+PRESET = Path(__file__).parents[2] / "configs/training_rl_ppo.pbtxt"
+TRAINING = text_format.Parse(PRESET.read_text(encoding="utf-8"), pb.Config()).ai.training
+REACH, STEPS = TRAINING.environment_id, TRAINING.rl_config.total_timesteps
 
 
 def made(seed: int) -> Learner:
     """The learner of the preset ``training_rl_ppo``."""
-    rl_config = pb.RLConfig(
-        algorithm="PPO", num_envs=64, total_timesteps=STEPS, learning_rate=0.001, gamma=0.95, batch_size=512
+    settings = TrainerSettings.from_block(TRAINING).suitable(REACH)
+    environment = make_vector_environment(
+        REACH,
+        reward_function=TRAINING.rl_config.reward_function,
+        num_envs=settings.num_envs,
+        seed=seed,
+        autoreset_mode="SameStep",
     )
-    block = pb.Training(environment=pb.ENV_SIMULATION, rl_config=rl_config)
-    settings = TrainerSettings.from_block(block).suitable(REACH)
-    environment = make_vector_environment(REACH, num_envs=64, seed=seed, autoreset_mode="SameStep")
     return Learner(settings, environment, seed)
 
 

@@ -52,6 +52,7 @@ def test_versions_and_plugins_are_installed_in_their_order(tmp_path: Path):
         "ppo-trainer",
         "ray",
         "smolvla",
+        "teleop-input",
         "training",
     ]
 
