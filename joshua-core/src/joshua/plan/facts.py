@@ -230,10 +230,12 @@ class ServiceFacts(NodeFacts):
         arms: ranges of the joints by the key of a feature, such as ``observation.state`` and ``action``.
         commands: command topic of the arm of an ``action``, by the key of that feature.
         robot_type: ``general.robot_type``.
+        configuration: text of the whole configuration without ``include``, for a trainer; else "".
     """
 
     kind: Literal["service"] = "service"
     folder: str = ""
+    configuration: str = ""
     physics_socket: str = ""
     environment: ChosenEnvironment | None = None
     features: tuple[Feature, ...] = ()

@@ -147,6 +147,7 @@ def service_node(draft: Draft, resolved: ResolvedService, told: Mapping[str, Any
     topics = next(item.topics for item in graph.services if item.name == service.name)
     facts = ServiceFacts(
         folder=resolved.folder,
+        configuration=_text(draft.config) if service.kind is TrainerSpec else "",
         physics_socket=draft.request.physics_socket if service.kind is SimulatorSpec else "",
         environment=resolved.environment,
         ready_timeout_s=getattr(settings, "ready_timeout_s", 0.0),
@@ -172,6 +173,14 @@ def service_node(draft: Draft, resolved: ResolvedService, told: Mapping[str, Any
         process_group=service.process_group,
         restart=service.restart,
     )
+
+
+def _text(config: Any) -> str:
+    """The configuration in one file: what was included is part of the message."""
+    whole = type(config)()
+    whole.CopyFrom(config)
+    whole.ClearField("include")
+    return str(whole)
 
 
 def _topic(item: ServiceTopic, graph: RobotGraph) -> TopicSpec:

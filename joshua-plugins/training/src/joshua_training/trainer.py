@@ -21,6 +21,13 @@ from joshua_training.run_log import RunLog
 from joshua_training.tracking import Trackers, services_of
 from joshua_training.tracking_settings import TrackingSettings
 
+#: Beginning of the copy of the configuration.
+CONFIGURATION = """\
+# The configuration of this run, with the content of included files and the options of --set.
+# To run it again, copy it to the folder of its paths, {}.
+
+"""
+
 
 class RunNode(Trainer):
     """A node that works on a thread of its own, in the folder of a run, until it ends the run.
@@ -57,10 +64,11 @@ class RunNode(Trainer):
         """Do the work, on its thread: poll ``context.stopping``, and call ``end_run`` at the end."""
 
     def begin(self, parent: str, name: str, facts: Mapping[str, Any]) -> None:
-        """Create the folder of a new run, with versions and git state in ``run.json``. Raises RunError."""
-        about = {**facts, **described(Path(self.facts.folder or "."))}
-        self._folder = RunFolder.create(Path(parent), name, about)
+        """Create the folder of a new run, with the configuration, versions and git state. Raises RunError."""
+        place = Path(self.facts.folder or ".").absolute()
+        self._folder = RunFolder.create(Path(parent), name, {**facts, **described(place)})
         self._folder.lock()
+        self._folder.write("config.pbtxt", (CONFIGURATION.format(place) + self.facts.configuration).encode())
         self._run_log.open(self._folder)
 
     def warn(self, text: str) -> None:
