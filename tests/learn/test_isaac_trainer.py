@@ -138,6 +138,7 @@ class MujocoVecEnv(VecEnv):  # type: ignore[misc]
         self.device = torch.device("cpu")
         self.episode_length_buf = torch.zeros(count, dtype=torch.long)
         self.cfg: dict[str, Any] = {}
+        self.judges_success = self._environment.judges_success
         self._seen, _ = self._environment.reset(seed=5)
 
     def _dict(self) -> TensorDict:
@@ -150,7 +151,9 @@ class MujocoVecEnv(VecEnv):  # type: ignore[misc]
         done = self._environment.advance(actions.numpy())
         self._seen = done.observations
         over = done.terminated | done.truncated
-        extras = {"time_outs": torch.from_numpy(done.truncated), "success": torch.from_numpy(done.success)}
+        extras = {"time_outs": torch.from_numpy(done.truncated)}
+        if self.judges_success:
+            extras["success"] = torch.from_numpy(done.success)
         return self._dict(), torch.from_numpy(done.rewards).float(), torch.from_numpy(over).long(), extras
 
 
@@ -240,6 +243,17 @@ def test_a_learner_continues_with_its_weights_and_optimiser(tmp_path: Path) -> N
     (folder / "state.json").unlink()
     with pytest.raises(RunError, match="cannot be used"):
         after.restore(folder)
+
+
+def test_success_is_counted_where_a_task_has_a_goal() -> None:
+    made = settings(n_steps=80)  # longer than an episode
+    for judges in (True, False):
+        environment = MujocoVecEnv(made.num_envs)
+        environment.judges_success = judges
+        row = Learner(made, environment, "cpu", 2, lambda: False).iterate()
+        assert row is not None
+        assert "episode/return" in row
+        assert ("episode/success_rate" in row) == judges
 
 
 def test_reaching_is_learned() -> None:

@@ -8,10 +8,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import gymnasium
 import mujoco
 import numpy as np
 import pytest
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 from joshua.plan import ChosenEnvironment
 from joshua.planner.pipeline import examine
 from joshua.planner.request import Request
@@ -210,6 +212,31 @@ def test_an_environment_of_another_kind_is_refused_and_many_take_long_on_a_cpu(
     if jax.devices()[0].platform == "cpu":
         assert "300 environments take minutes for each update on a CPU: set num_envs to 64" in caplog.text
     node.cleanup()
+
+
+def test_an_environment_that_varies_nothing_refuses_randomise(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = EnvSpec(
+        "acme/Plain-v0",
+        entry_point="joshua_mujoco_sim.envs.single:TermEnv",
+        kwargs={
+            "task": lambda name="reach": replace(TASKS["joshua/SoArm100Reach-v0"](name), randomisation=())
+        },
+    )
+    monkeypatch.setitem(gymnasium.registry, plain.id, plain)
+    plan = examine(Request(str(PRESET), overrides=("ai.training.rl_config.randomise=true",))).plan
+    assert plan is not None
+    node = MjxTrainer(RecordingContext(plan.nodes[0]))
+    said = "^acme/Plain-v0 cannot be made with randomise True: randomise=True has no effect: .*; remove it$"
+    with pytest.raises(RunError, match=said):
+        node.make(ChosenEnvironment(plain.id, "", 4, 0, "joshua_mujoco_sim.envs:make_vector_environment"), 0)
+    node.cleanup()
+
+
+def test_success_is_counted_where_a_task_has_a_goal(monkeypatch: pytest.MonkeyPatch) -> None:
+    counted = rows(learner(), 1)[-1]
+    assert 0.0 <= counted["episode/success_rate"] <= 1.0
+    monkeypatch.setattr(Points, "task", SimpleNamespace(action_size=2, judges_success=False))
+    assert "episode/success_rate" not in rows(learner(), 1)[-1]
 
 
 def test_a_model_that_jax_cannot_simulate_is_refused(tmp_path: Path) -> None:

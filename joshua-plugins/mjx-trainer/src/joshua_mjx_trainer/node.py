@@ -69,7 +69,12 @@ class MjxTrainer(RlTrainer):
                 f"{chosen.environment_id} is not made of terms, which MuJoCo XLA requires: choose an "
                 "environment of joshua-mujoco-sim, or train with simulator_backend: BACKEND_MUJOCO"
             )
-        made = make_task(task, chosen.reward_function, None, settings.randomise)
+        try:
+            made = make_task(task, chosen.reward_function, None, settings.randomise)
+        except ValueError as error:  # of the task
+            raise RunError(
+                f"{chosen.environment_id} cannot be made with randomise {settings.randomise}: {error}"
+            ) from error
         environments = MjxEnvironments(made)
         learner = Learner(settings, environments, seed, lambda: self.context.stopping, self.tell_steps)
         return environments, learner
