@@ -202,7 +202,7 @@ def test_without_memory_the_setting_that_needs_less_is_named(recording: Path, tm
     )
     assert done.stdout.splitlines() == [
         "the memory is full: set batch_size: 3 and accumulation_steps: 2, which needs half the memory and "
-        "learns the same, and continue with resume_run; the last checkpoint is complete",
+        "learns nearly the same, and continue with resume_run; the last checkpoint is complete",
         "the memory is full: set hidden_size: 16384 and feedforward_size: 16, which needs about a quarter of "
         "the memory for the network",
         "the memory is full: set hidden_size: 16384, which needs about a quarter of the memory for the "

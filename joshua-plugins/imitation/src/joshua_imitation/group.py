@@ -137,17 +137,16 @@ class Group:
             self._reduced(said)
         return [bytes(row.tolist()).rstrip(b"\0").decode() for row in said]
 
-    def add_gradients(self, parameters: Iterable[Any]) -> None:
-        """Replace each gradient by its sum over all processes."""
+    def sum_each(self, values: Sequence[Any]) -> None:
+        """Replace each tensor by its sum over all processes. Raises RunError."""
         if self.size == 1:
             return
-        gradients = [weight.grad for weight in parameters if weight.grad is not None]
-        summed = torch.cat([gradient.reshape(-1).float() for gradient in gradients])
+        summed = torch.cat([value.reshape(-1).float() for value in values])
         self._reduced(summed)
         at = 0
-        for gradient in gradients:
-            gradient.copy_(summed[at : at + gradient.numel()].view_as(gradient))
-            at += gradient.numel()
+        for value in values:
+            value.copy_(summed[at : at + value.numel()].view_as(value))
+            at += value.numel()
 
     def begin(self, weights: Iterable[Any], facts: Sequence[int]) -> None:
         """Take the weights of rank 0. Raises RunError if the processes differ in some facts."""

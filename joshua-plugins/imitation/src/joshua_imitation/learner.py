@@ -18,6 +18,7 @@ from joshua_training.run_folder import RunError, RunFolder, read_part
 from safetensors import SafetensorError
 from safetensors.torch import load, save_file
 
+from joshua_imitation.batch_norm import Statistics
 from joshua_imitation.data import Array, Recording
 from joshua_imitation.group import Group, OthersError
 from joshua_imitation.loader import Batch, Loader, Maker, Order, Share
@@ -66,6 +67,7 @@ class Learner:
         self._settings, self.parts, self._recording = settings, parts, recording
         self._maker, self._judge, self._order, self._kept_back = maker, judge, order, kept_back
         self.total, self._folder, self._group, self._device = total, folder, group, group.device
+        self._statistics = Statistics(parts.policy)
         self.steps = 0
         self.stops = self.stopped = False
         self._half = _DTYPES.get(settings.precision)
@@ -95,6 +97,7 @@ class Learner:
             self._began_s, self._waited_s = time.perf_counter(), 0.0
         failure: RunError | None = None
         found: dict[str, float] = {}
+        self._statistics.keep()
         try:
             with remedied(self._settings.halves(self._device), self._folder):
                 found = self._gradients(next(self._loader))
@@ -103,6 +106,7 @@ class Learner:
         has_failed, self.stopped = self._group.agree(failure is not None, self.stops)
         if has_failed:
             self.parts.optimiser.zero_grad()
+            self._statistics.undo()
             raise failure or OthersError("another process of the training failed: see its message")
         self._step(found)
         self.steps += 1
@@ -121,7 +125,7 @@ class Learner:
         chosen = self._kept_back[np.linspace(0, len(self._kept_back) - 1, count).astype(int)]
         total = 0.0
         before = time.perf_counter()
-        with torch.random.fork_rng(devices=self._devices()), torch.no_grad():
+        with torch.random.fork_rng(devices=self._devices()), torch.no_grad(), self._statistics.used():
             torch.manual_seed(settings.seed)
             for start in range(0, count, settings.batch_size):
                 frames = chosen[start : start + settings.batch_size]
@@ -155,6 +159,7 @@ class Learner:
             for name, term in {"loss/train": value, **terms}.items():
                 found[name] = found.get(name, 0.0) + share.weight * term
             self._last_batch = batch
+            self._statistics.collect(share.weight)
         return found
 
     def _noise(self, share: Share) -> int:
@@ -166,7 +171,7 @@ class Learner:
         parts, optimiser = self.parts, self.parts.optimiser
         names = sorted(found)
         found = dict(zip(names, self._group.sum([found[name] for name in names]), strict=True))
-        self._group.add_gradients(parts.policy.parameters())
+        self._group.sum_each([w.grad for w in parts.policy.parameters() if w.grad is not None])
         self._scaler.unscale_(optimiser)
         norm = float(torch.nn.utils.clip_grad_norm_(parts.policy.parameters(), parts.max_norm))
         if not np.isfinite(norm) and not self._scaler.is_enabled():
@@ -175,6 +180,7 @@ class Learner:
         self._scaler.step(optimiser)
         self._scaler.update()
         optimiser.zero_grad()
+        self._statistics.apply(self._group)
         if parts.schedule is not None:
             parts.schedule.step()
         if hasattr(parts.policy, "update"):

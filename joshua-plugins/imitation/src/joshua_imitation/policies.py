@@ -20,6 +20,7 @@ from joshua_lerobot.loading import inner_folder
 from joshua_training.memory import is_out_of_memory, remedied
 from joshua_training.run_folder import LibraryMissing, RunError
 
+from joshua_imitation.batch_norm import learn_batch_norm
 from joshua_imitation.data import Windows
 from joshua_imitation.settings import ImitationSettings
 from joshua_imitation.start import read_start
@@ -206,6 +207,8 @@ def make_parts(
         policy = _policy(settings, dataset, config, start, continued)
         if settings.lora_rank:
             policy = _adapted(policy, settings, start)
+        elif settings.policy_type == "act" and not settings.pretrained and not settings.pretrained_backbone:
+            learn_batch_norm(policy)
         policy.to(device)
     if settings.loss == "l1" and settings.policy_type == "diffusion":
         _learn_by_l1(policy)

@@ -147,7 +147,7 @@ class ImitationSettings(RunSettings):
             more = self.accumulation_steps * -(-self.batch_size // half)
             return (
                 f"set batch_size: {half} and accumulation_steps: {more}, which needs half the memory and "
-                "learns the same"
+                "learns nearly the same"
             )
         if self.precision == "float32" and device != "cpu":
             return 'set precision: "bfloat16", which needs about half the memory'
