@@ -370,7 +370,7 @@ def test_a_killed_run_goes_on_as_if_nothing_had_happened(tmp_path: Path) -> None
     for name in ("policy.safetensors", "training.safetensors", "state.json", "policy.json"):
         assert (last[0] / name).read_bytes() == (last[1] / name).read_bytes(), name
     kinds = {path.suffix for path in run.rglob("*") if path.is_file() and "tfevents" not in path.name}
-    assert kinds == {".json", ".jsonl", ".log", ".safetensors", ".svg"}
+    assert kinds == {".json", ".jsonl", ".log", ".pbtxt", ".safetensors", ".svg"}
     assert "INFO 2048 steps learned" in (run / "run.log").read_text().partition("INFO continuing")[2]
     assert list((run / "tensorboard").glob("*tfevents*"))
     facts = json.loads((run / "run.json").read_text())
