@@ -278,15 +278,16 @@ def toy_block(fields: str = "") -> str:
 
 
 def test_any_model_plugin_is_judged_by_its_contract(toy: None, tmp_path: Path, random_policy: Path) -> None:
-    """Chunks of 50 steps: one decision, and a wave on all joints."""
-    made, _ = evaluated(tmp_path, random_policy, toy_block("latency_s: 0.002"), episodes=2)
+    """Chunks of 50 steps, each a wave on all joints from its beginning: it matters when they begin."""
+    wave = 'fault: "restart"'
+    made, _ = evaluated(tmp_path, random_policy, toy_block(f"latency_s: 0.002 {wave}"), episodes=2)
     content = json.loads((made / "results.json").read_text())
     assert content["metrics"]["inference_latency"]["value"] >= 2.0
     assert content["metrics"]["episode_length"]["value"] == 75
     base = content["metrics"]["avg_return"]["episodes"]
     for more in ("steps_per_chunk: 7 strategy: TEMPORAL_ENSEMBLE", "inference_delay: 9"):
-        other = results(tmp_path, random_policy, f"{toy_block()} {more}", episodes=2)
-        assert other["metrics"]["avg_return"]["episodes"] != base
+        other = results(tmp_path, random_policy, f"{toy_block(wave)} {more}", episodes=2)
+        assert other["metrics"]["avg_return"]["episodes"] != pytest.approx(base, rel=1e-6)
 
 
 @pytest.mark.skipif(not has_gl(), reason="no OpenGL library: sudo apt install libegl1 libgl1-mesa-dri")

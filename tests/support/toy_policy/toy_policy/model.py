@@ -35,7 +35,8 @@ class ToyPolicy(Model):
         if fault == "hang":
             time.sleep(3600)
         steps = np.arange(self.settings.chunk_steps or 50) / (self.settings.rate_hz or 30.0)
-        wave = 0.4 * np.sin(2 * np.pi * _HZ * (observation.stamp_ns / 1e9 % (1 / _HZ) + steps))
+        began = 0.0 if self.settings.fault == "restart" else observation.stamp_ns / 1e9 % (1 / _HZ)
+        wave = 0.4 * np.sin(2 * np.pi * _HZ * (began + steps))
         chunk = np.repeat(wave[:, None], len(self.joints.names) + (fault == "shape"), axis=1)
         if fault == "nan":
             chunk[0] = np.nan

@@ -13,7 +13,7 @@ class ToySettings(ModelSettings):
     Attributes:
         work: ``sleep``, or ``compute`` on every core; latency_s: of a chunk; chunk_steps: its length.
         fault: of the third chunk: ``nan``, ``die``, ``hang`` or ``shape``; ``refused`` and ``loading``
-            come before the start.
+            come before the start; ``restart`` begins the wave anew in each chunk.
         camera: that it needs, "" for none; reads_task: it does nothing without a task.
         joints: names in its state and action, separated by spaces; "" for those of the robot.
     """
