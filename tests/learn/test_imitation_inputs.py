@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import torch
-from joshua_imitation.build import build
+from joshua_imitation.build import build, is_emulated
 from joshua_training.run_folder import RunError
 from learners import recording as recording
 from learners import settings
@@ -40,3 +40,12 @@ def test_each_process_has_a_gpu_of_its_own(recording: Path, monkeypatch: pytest.
     said = "2 processes require as many GPUs, but PyTorch finds 1: set processes: 1, or CUDA_VISIBLE_DEVICES"
     with pytest.raises(RunError, match=said):
         build(settings(recording, device="cuda", processes=2))
+
+
+def test_a_processor_that_emulates_half_precision_is_known(recording: Path) -> None:
+    half = settings(recording, precision="bfloat16")
+    assert is_emulated(half, "cpu", "AVX2")
+    assert not is_emulated(half, "cpu", "AVX512")
+    assert not is_emulated(half, "cuda", "AVX2")
+    assert not is_emulated(settings(recording), "cpu", "AVX2")
+    assert is_emulated(half, "cpu") == (torch.backends.cpu.get_cpu_capability() == "AVX2")

@@ -13,7 +13,6 @@ from contextlib import contextmanager
 from typing import Any
 
 import torch
-from torchvision.ops.misc import FrozenBatchNorm2d
 
 from joshua_imitation.group import Group
 
@@ -24,7 +23,7 @@ class LearnedBatchNorm(torch.nn.BatchNorm2d):  # type: ignore[misc,unused-ignore
     """Batch normalisation whose state has the entries of the frozen kind."""
 
     @classmethod
-    def of(cls, frozen: FrozenBatchNorm2d) -> LearnedBatchNorm:
+    def of(cls, frozen: Any) -> LearnedBatchNorm:
         """Return one with the weights and statistics of a frozen one."""
         made = cls(len(frozen.weight), eps=frozen.eps)
         made.register_buffer("num_batches_tracked", None)
@@ -48,6 +47,8 @@ def learn_batch_norm(policy: Any) -> None:
     than all pictures, by which the finished policy normalises. So pictures of the same size pass through the
     network at once.
     """
+    from torchvision.ops.misc import FrozenBatchNorm2d
+
     model = policy.model
     for module in list(model.backbone.modules()):
         for name, child in list(module.named_children()):

@@ -157,6 +157,16 @@ def found_device(settings: ImitationSettings) -> str:
     return chosen
 
 
+def is_emulated(settings: ImitationSettings, device: str, capability: str | None = None) -> bool:
+    """Whether a processor has no instructions for the precision: it takes ten times as long, or longer.
+
+    Args:
+        capability: instructions that PyTorch uses, such as ``AVX2``; None to ask it.
+    """
+    instructions = capability or torch.backends.cpu.get_cpu_capability()
+    return settings.precision == "bfloat16" and device == "cpu" and instructions == "AVX2"
+
+
 def refuse_half(settings: ImitationSettings, device: str) -> None:
     """Raise RunError if a device cannot compute in half precision."""
     if settings.precision == "float16" and device != "cuda":

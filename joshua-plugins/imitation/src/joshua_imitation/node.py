@@ -60,7 +60,7 @@ class ImitationTrainer(LearningNode):
             import tensorboard  # noqa: F401
             import torch
 
-            from joshua_imitation.build import build
+            from joshua_imitation.build import build, is_emulated
             from joshua_imitation.group import Group
         except ImportError as error:
             raise LibraryMissing(
@@ -91,6 +91,11 @@ class ImitationTrainer(LearningNode):
             self.begin(settings.output_folder, settings.policy_type, facts | {"features": made.features})
         else:
             refuse_other(self.folder.facts(), {"features": made.features}, ())
+        if is_emulated(settings, made.group.device):
+            self.warn(
+                "this processor has no instructions for bfloat16, and emulates it in ten times the time, or "
+                "more: remove precision"
+            )
         self._learner = made.learner(self.folder)
         if continued is not None:
             self._learner.restore(continued)
