@@ -127,7 +127,7 @@ class Evaluation(RunNode):
 
     def _add(self, judged: Judged, episode: Episode) -> None:
         for said in judged.add(episode):
-            self.context.warn(f"{said}; the other figures go on without it")
+            self.warn(f"{said}; the other figures go on without it")
 
     def _tell(self, robot: Robot, state: str) -> None:
         done = [bool(episode.success) for episode in robot.marks.episodes]
