@@ -115,6 +115,7 @@ def test_a_stopped_and_a_killed_run_go_on_as_if_nothing_had_happened(
     log = (folder / "run.log").read_text()
     assert log.count("INFO continuing after") == 2
     assert "INFO 24 updates learned: loss" in log
+    assert len(list(folder.glob("config_*.pbtxt"))) == 2
     assert (folder / "curves.svg").is_file()
     assert list((folder / "tensorboard").glob("*tfevents*"))
     facts = json.loads((folder / "run.json").read_text())

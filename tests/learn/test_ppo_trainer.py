@@ -372,6 +372,10 @@ def test_a_killed_run_goes_on_as_if_nothing_had_happened(tmp_path: Path) -> None
     kinds = {path.suffix for path in run.rglob("*") if path.is_file() and "tfevents" not in path.name}
     assert kinds == {".json", ".jsonl", ".log", ".pbtxt", ".safetensors", ".svg"}
     assert "INFO 2048 steps learned" in (run / "run.log").read_text().partition("INFO continuing")[2]
+    (part,) = run.glob("config_*.pbtxt")
+    assert f"# The configuration of this run after {part.stem[7:]} steps, with" in part.read_text()
+    assert f'resume_run: "killed/{run.name}"' in part.read_text()
+    assert "resume_run" not in (run / "config.pbtxt").read_text()
     assert list((run / "tensorboard").glob("*tfevents*"))
     facts = json.loads((run / "run.json").read_text())
     assert facts["settings"]["n_steps"] == 16

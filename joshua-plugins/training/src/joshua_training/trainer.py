@@ -23,8 +23,8 @@ from joshua_training.tracking_settings import TrackingSettings
 
 #: Beginning of the copy of the configuration.
 CONFIGURATION = """\
-# The configuration of this run, with the content of included files and the options of --set.
-# To run it again, copy it to the folder of its paths, {}.
+# The configuration of this run{part}, with the content of included files and the options of --set.
+# To run it again, copy it to the folder of its paths, {place}.
 
 """
 
@@ -65,11 +65,20 @@ class RunNode(Trainer):
 
     def begin(self, parent: str, name: str, facts: Mapping[str, Any]) -> None:
         """Create the folder of a new run, with the configuration, versions and git state. Raises RunError."""
-        place = Path(self.facts.folder or ".").absolute()
-        self._folder = RunFolder.create(Path(parent), name, {**facts, **described(place)})
+        self._folder = RunFolder.create(Path(parent), name, {**facts, **described(self._place)})
         self._folder.lock()
-        self._folder.write("config.pbtxt", (CONFIGURATION.format(place) + self.facts.configuration).encode())
+        self.keep_configuration("config.pbtxt")
         self._run_log.open(self._folder)
+
+    def keep_configuration(self, name: str, part: str = "") -> None:
+        """Write the configuration of the run, or of a part of it, to its folder. Raises RunError."""
+        head = CONFIGURATION.format(part=part, place=self._place)
+        self.folder.write(name, (head + self.facts.configuration).encode())
+
+    @property
+    def _place(self) -> Path:
+        """Folder of the paths in the configuration."""
+        return Path(self.facts.folder or ".").absolute()
 
     def warn(self, text: str) -> None:
         """Report a warning of the run, on any thread."""
@@ -197,8 +206,9 @@ class LearningNode(RunNode):
         return whole[-1]
 
     def continue_after(self, checkpoint: Path) -> None:
-        """Continue after the steps of a checkpoint, which is restored."""
+        """Continue after the steps of a checkpoint, which is restored. Raises RunError."""
         self._saved = self.steps
+        self.keep_configuration(f"config_{self.steps}.pbtxt", f" after {self.steps} {self.UNIT}")
         self.folder.cut_metrics(self.steps)
         self.context.log.info("continuing after %d %s from %s", self.steps, self.UNIT, checkpoint)
 
