@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from joshua_mujoco_sim.envs import TermEnv, make_environment
+from joshua_mujoco_sim.envs import TermEnv, experts, make_environment
 from joshua_mujoco_sim.envs.arm_terms import PLACED_M
 from joshua_mujoco_sim.envs.experts import BASE_Y_M, EXPERTS, Kinematics, PickPlaceExpert
 from joshua_mujoco_sim.envs.tasks import pick_place
@@ -78,19 +78,89 @@ def test_recoveries_begin_with_a_cube_that_was_pushed_away() -> None:
     name = "joshua/SoArm100PickPlace-v0"
     environment = make_environment(name, disable_env_checker=True).unwrapped
     expert: Any = EXPERTS[name](environment, recoveries=1.0)
-    pushed, outside = 0, []
+    pushed, outside, beside = 0, [], 0
     for seed in range(40):
         environment.reset(seed=seed)
         before = environment.state.site("cube")[0].copy()
         expert.scatter(seed)
         cube, goal = environment.state.site("cube")[0], environment.state.site("goal")[0]
-        assert np.hypot(*(cube - goal)[:2]) > 2 * PLACED_M
+        to_goal_m = np.hypot(*(cube - goal)[:2])
+        assert to_goal_m > 1.1 * PLACED_M
         assert cube[2] == pytest.approx(before[2])
         pushed += not np.array_equal(cube, before)
+        beside += to_goal_m < experts.BESIDE_GOAL_M[1]
         from_base_m = np.hypot(cube[0], cube[1] - BASE_Y_M)
         outside.append(not 0.19 <= from_base_m <= 0.27)
-    assert 10 <= pushed <= 30
+    assert 14 <= pushed <= 34
     assert 5 <= sum(outside) < pushed
+    assert 5 <= beside < pushed
+
+
+def test_recoveries_begin_beside_the_cube_and_touch_nothing() -> None:
+    name = "joshua/SoArm100PickPlace-v0"
+    environment = make_environment(name, disable_env_checker=True).unwrapped
+    expert: Any = EXPERTS[name](environment, recoveries=1.0)
+    state, places = environment.state, []
+    for seed in range(30):
+        environment.reset(seed=seed)
+        expert.scatter(seed)
+        contact = state.data.contact
+        bodies = {
+            state.model.body(state.model.geom_bodyid[geom]).name
+            for geoms, away in zip(contact.geom, contact.dist, strict=True)
+            if away < 0.0
+            for geom in geoms
+        }
+        assert bodies <= {"cube", "world"}
+        places.append(state.site("gripper")[0] - state.site("cube")[0])
+    beside = [place for place in places if np.hypot(*place[:2]) < experts.START_BESIDE_M]
+    assert 8 <= len(beside) < 25
+    assert min(place[2] for place in beside) < 0.03
+
+
+def paths(recoveries: float, seeds: range) -> list[Any]:
+    """Steps of the cube until the jaws hold it, of each episode: distances, m, and jaw angles, rad."""
+    name = "joshua/SoArm100PickPlace-v0"
+    environment = make_environment(name, disable_env_checker=True).unwrapped
+    expert: Any = EXPERTS[name](environment, recoveries=recoveries)
+    state, found = environment.state, []
+    for seed in seeds:
+        environment.reset(seed=seed)
+        expert.scatter(seed)
+        expert.reset()
+        steps, before = [], state.site("cube")[0].copy()
+        for _ in range(environment.task.max_steps):
+            _, _, terminated, _, _ = environment.step(expert.act())
+            cube = state.site("cube")[0].copy()
+            if cube[2] > 0.02 or terminated:
+                break
+            away = np.linalg.norm(cube - state.site("gripper")[0])
+            steps.append((np.hypot(*(cube - before)[:2]), away, state.qpos[0, 5]))
+            before = cube
+        found.append(np.array(steps))
+    return found
+
+
+def test_recoveries_move_the_cube_while_the_jaws_approach() -> None:
+    alone, moved, again = paths(0.0, range(4)), paths(1.0, range(20)), paths(1.0, range(4))
+    near_m = experts.LET_GO_M + 0.01
+    far = [steps[np.logical_and.accumulate(steps[:, 1] > near_m)] for steps in (*alone, *moved)]
+    lengths_m = [float(steps[:, 0].sum()) for steps in far]
+    assert max(lengths_m[:4]) < 1e-3
+    assert sum(length_m > 0.01 for length_m in lengths_m[4:]) >= 4
+    assert max(float(steps[:, 0].max(initial=0.0)) for steps in far) < 0.01  # continuous: 0.2 m/s at 25 Hz
+    assert all(np.array_equal(one, other) for one, other in zip(moved, again, strict=False))
+
+
+def test_recoveries_let_the_cube_slip_and_grasp_it_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(experts, "MOVED_S", 0.0)
+    monkeypatch.setattr(experts, "SLIPS", 0.0)
+    firm = paths(1.0, range(10))
+    monkeypatch.setattr(experts, "SLIPS", 1.0)
+    slipping = paths(1.0, range(10))
+    longer = [len(again) - len(once) for again, once in zip(slipping, firm, strict=True)]
+    assert sum(steps >= 5 for steps in longer) >= 6
+    assert successes("joshua/SoArm100PickPlace-v0", range(10), recoveries=1.0) >= 9
 
 
 def test_inverse_kinematics_reaches_a_place_with_the_jaws_along_a_line() -> None:

@@ -21,6 +21,9 @@ OPEN_RAD, CLOSED_RAD = 0.65, -0.1
 #: Gripper angle below which the jaws hold the cube.
 HELD_RAD = 0.21
 
+#: Duration of a step.
+PERIOD_S = 0.04
+
 #: Largest motion of the grip in one step, 0.25 m/s, and largest turn.
 STEP_M, TURN_RAD = 0.01, 0.1
 
@@ -39,11 +42,21 @@ BASE_Y_M = -0.045
 
 _UP = np.array([0.0, 0.0, 1.0])
 
-#: Recoveries: heights of the grip at the start, above the table, and its least distance from the cube.
-START_LOW_M, START_HIGH_M, START_CLEAR_M = 0.015, 0.16, 0.05
+#: Recoveries: heights of the grip at the start, above the table, and its distance beside the cube, at most.
+START_LOW_M, START_HIGH_M, START_BESIDE_M = 0.015, 0.16, 0.06
 
-#: Recoveries: distances from the arm's base, and angles from its front, at which the cube may lie.
-PUSHED_M, PUSHED_RAD = (0.15, 0.33), 1.0
+#: Recoveries: how often the cube lies elsewhere; distances from the arm's base, and angles from its front, at
+#: which it may lie; how often beside the goal, and its distances from the goal.
+PUSHED, PUSHED_M, PUSHED_RAD = 0.6, (0.11, 0.37), 1.0
+BESIDE_GOAL, BESIDE_GOAL_M = 0.4, (0.024, 0.07)
+
+#: Recoveries: speed and turn rate, at most, at which somebody moves the cube while the jaws approach; how
+#: long at most, and the distance of the grip from the cube at which it is let go.
+MOVED_M_S, MOVED_RAD_S = 0.2, 2.0
+MOVED_S, LET_GO_M = 1.0, 0.05
+
+#: Recoveries: how often the cube slips out of the closing jaws, at what speed, and for how many steps.
+SLIPS, SLIP_M_S, SLIP_STEPS = 0.4, 0.3, (2, 4)
 
 
 class Expert(Protocol):
@@ -146,6 +159,9 @@ class _ArmExpert:
         self._noise_rad, self._chance = noise_rad, np.random.default_rng(seed)
         self._limits = arm.goal_ranges(environment.state.model)
         self._recoveries = recoveries
+        model = environment.state.model
+        roots = model.body_rootid
+        self._arm = np.flatnonzero(roots == roots[model.body("Fixed_Jaw").id])
         self.reset()
 
     def scatter(self, seed: int) -> None:
@@ -156,13 +172,17 @@ class _ArmExpert:
         state = self._state
         self._displace(chance)
         joints = np.array(state.qpos[0, :_REACHING])
-        yaw = self._closing_line() + chance.uniform(-0.8, 0.8)
-        found = self._kinematics.solve(joints, self._start(chance), yaw, rounds=60)
-        pose = np.append(found, chance.uniform(CLOSED_RAD, OPEN_RAD))
-        state.qpos[0, :6] = np.clip(pose, *self._limits)
-        state.qvel[0] = 0.0
-        state.ctrl[0] = state.qpos[0, :6]
-        state.forward(np.zeros(1, np.int64))
+        yaw, jaw = self._closing_line() + chance.uniform(-0.8, 0.8), chance.uniform(CLOSED_RAD, OPEN_RAD)
+        target = self._start(chance)
+        while True:
+            found = self._kinematics.solve(joints, target, yaw, rounds=60)
+            state.qpos[0, :6] = np.clip(np.append(found, jaw), *self._limits)
+            state.qvel[0] = 0.0
+            state.ctrl[0] = state.qpos[0, :6]
+            state.forward(np.zeros(1, np.int64))
+            if target[2] > START_HIGH_M or not self._touches():
+                break
+            target = target + 0.004 * _UP
 
     def reset(self) -> None:
         """Begin an episode."""
@@ -187,6 +207,12 @@ class _ArmExpert:
 
     def _displace(self, chance: np.random.Generator) -> None:
         """Move objects to where an error may have left them."""
+
+    def _touches(self) -> bool:
+        """Return whether the arm touches anything else."""
+        contact = self._state.data.contact
+        bodies = self._state.model.geom_bodyid[contact.geom[contact.dist < 0.0]]
+        return bool((np.isin(bodies, self._arm).sum(axis=-1) == 1).any())
 
     def _start(self, chance: np.random.Generator) -> FloatArray:
         """Return a place for the grip to start at: anywhere in front of the arm."""
@@ -232,10 +258,23 @@ class PickPlaceExpert(_ArmExpert):
     whose end a picture does not show, and an error is corrected from wherever it leads.
     """
 
+    _disturbed: Iterator[None] = iter(())
+
+    def scatter(self, seed: int) -> None:
+        """See ``Expert``. Where the arm starts elsewhere, the cube is moved during the episode, too."""
+        self._disturbed = iter(())
+        super().scatter(seed)
+
     def reset(self) -> None:
         """Begin an episode."""
         self._line = self._closing_line()
         super().reset()
+
+    def act(self) -> Any:
+        """Return the action of this step, float32."""
+        action = super().act()
+        next(self._disturbed, None)
+        return action
 
     def _steps(self) -> Iterator[FloatArray]:
         while True:
@@ -288,31 +327,82 @@ class PickPlaceExpert(_ArmExpert):
         return self._goals(self._at, gripper, self._line)
 
     def _start(self, chance: np.random.Generator) -> FloatArray:
-        """Return a place for the grip to start at: most often above the cube or beside it."""
+        """Return a place for the grip to start at: in half of the episodes above the cube or beside it."""
         anywhere = super()._start(chance)
-        if chance.random() > 0.7:
+        if chance.random() < 0.5:
             return anywhere
-        cube = self._state.site("cube")[0]
-        way = np.append(chance.uniform(-0.05, 0.05, 2), chance.triangular(0.0, 0.0, START_HIGH_M))
-        way[2] += START_LOW_M - arm.HALF_CUBE_M
         # low ones beside the cube, where a policy ends that has misjudged its place
-        way[:2] *= max(1.0, START_CLEAR_M / float(np.linalg.norm(way)))
-        beside: FloatArray = cube + way
+        cube = self._state.site("cube")[0]
+        away, angle = chance.uniform(0.0, START_BESIDE_M), chance.uniform(-np.pi, np.pi)
+        height = START_LOW_M - arm.HALF_CUBE_M + chance.triangular(0.0, 0.0, 0.7 * START_HIGH_M)
+        beside: FloatArray = cube + np.array([away * np.cos(angle), away * np.sin(angle), height])
         return beside
 
     def _displace(self, chance: np.random.Generator) -> None:
-        """Move the cube, in half of the episodes: jaws that miss it push it out of where episodes start."""
-        if chance.random() < 0.5:
+        """Move the cube, in most episodes: to where jaws that miss it push it, or where they lose it."""
+        self._disturbed = self._disturb(np.random.default_rng(chance.integers(2**32)))
+        if chance.random() >= PUSHED:
             return
-        state, goal = self._state, self._state.site("goal")[0]
+        state, goal = self._state, self._state.site("goal")[0, :2]
+        beside = chance.random() < BESIDE_GOAL
         while True:
-            radius, angle = chance.uniform(*PUSHED_M), chance.uniform(-PUSHED_RAD, PUSHED_RAD)
-            place = np.array([radius * np.sin(angle), BASE_Y_M - radius * np.cos(angle)])
-            if np.hypot(*(place - goal[:2])) > 2 * arm.PLACED_M:
+            if beside:
+                radius, angle = chance.uniform(*BESIDE_GOAL_M), chance.uniform(-np.pi, np.pi)
+                place = goal + radius * np.array([np.cos(angle), np.sin(angle)])
+            else:
+                radius, angle = chance.uniform(*PUSHED_M), chance.uniform(-PUSHED_RAD, PUSHED_RAD)
+                place = np.array([radius * np.sin(angle), BASE_Y_M - radius * np.cos(angle)])
+            if self._is_free(place, BESIDE_GOAL_M[0]):
                 break
         half_turn = chance.uniform(-np.pi, np.pi) / 2
         state.qpos[0, 6:13] = *place, arm.HALF_CUBE_M, np.cos(half_turn), 0.0, 0.0, np.sin(half_turn)
         state.forward(np.zeros(1, np.int64))
+
+    def _disturb(self, chance: np.random.Generator) -> Iterator[None]:
+        """Move the cube step by step: while the jaws approach it, and out of them when they close.
+
+        One episode shows a line of places instead of one, and the view of a cube that the jaws have missed.
+        All directions are equally likely, so a policy cannot guess the next place.
+        """
+        state = self._state
+        turn_rad_s = chance.uniform(-MOVED_RAD_S, MOVED_RAD_S)
+        angle, speed = chance.uniform(-np.pi, np.pi), chance.uniform(0.3 * MOVED_M_S, MOVED_M_S)
+        for _ in range(int(chance.uniform(0.0, MOVED_S) / PERIOD_S)):
+            if np.linalg.norm(state.site("cube")[0] - state.site("gripper")[0]) < LET_GO_M:
+                break
+            for _ in range(20):
+                if self._move_cube(angle, speed, turn_rad_s):
+                    break
+                angle = chance.uniform(-np.pi, np.pi)
+            yield
+        if chance.random() >= SLIPS:
+            return
+        while not (state.ctrl[0, 5] < 0.5 * OPEN_RAD and HELD_RAD < state.qpos[0, 5] < 0.8 * OPEN_RAD):
+            yield
+        across = self._line + chance.choice((-0.5, 0.5)) * np.pi
+        for _ in range(chance.integers(*SLIP_STEPS, endpoint=True)):
+            self._move_cube(across, SLIP_M_S, turn_rad_s)
+            yield
+
+    def _move_cube(self, angle: float, speed_m_s: float, turn_rad_s: float) -> bool:
+        """Move the cube by one step; return False if it would leave its area or come to the goal."""
+        state = self._state
+        cube = state.site("cube")[0, :2]
+        place = cube + speed_m_s * PERIOD_S * np.array([np.cos(angle), np.sin(angle)])
+        if not self._is_free(place, 2 * arm.PLACED_M):
+            return False
+        half_turn, turned = 0.5 * PERIOD_S * turn_rad_s, np.zeros(4)
+        turn = np.array([np.cos(half_turn), 0.0, 0.0, np.sin(half_turn)])
+        mujoco.mju_mulQuat(turned, turn, state.qpos[0, 9:13])
+        state.qpos[0, 6:8], state.qpos[0, 9:13] = place, turned
+        return True
+
+    def _is_free(self, place: FloatArray, least_m: float) -> bool:
+        """Return whether the arm reaches a place well, at least at some distance from the goal."""
+        radius = np.hypot(place[0], place[1] - BASE_Y_M)
+        inside = PUSHED_M[0] <= radius <= PUSHED_M[1] and abs(self._radial(place)) <= PUSHED_RAD
+        goal = self._state.site("goal")[0, :2]
+        return bool(inside and np.hypot(*(place - goal)) >= least_m)
 
     @staticmethod
     def _radial(place: FloatArray) -> float:
