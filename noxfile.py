@@ -136,20 +136,23 @@ def ros(session: nox.Session) -> None:
 def mjx(session: nox.Session) -> None:
     """The simulation's models and PPO on JAX, which is too heavy for every run of the tests.
 
-    ``-- bench`` prints how fast PPO is beside brax's on the same model, ``-- gpu`` the same on an NVIDIA GPU.
+    ``-- bench`` prints how fast PPO is beside brax's on the same model, ``-- gpu`` the same on an NVIDIA GPU,
+    ``-- success`` how often both succeed after equal steps.
     ``-- soak`` kills trainings at random moments and compares what they become when they are continued.
     """
     needed = ("pytest", "pytest-timeout", "hypothesis", "mujoco-mjx", "jax", "safetensors", "tensorboard")
     install(
         session, *needed, *editable(CORE, *(f"{PLUGIN}/{name}" for name in ("mujoco-sim", "mjx-trainer")))
     )
-    if session.posargs[:1] in (["bench"], ["gpu"]):
+    environment = {"PYTHONPATH": str(ROOT / "tests" / "support")}
+    if session.posargs[:1] in (["bench"], ["gpu"], ["success"]):
         cuda = ["jax[cuda12]"] if session.posargs[0] == "gpu" else []
         session.install("-c", str(CONSTRAINTS), *group("compared"), *cuda)
-        session.run("python", "tests/plugins/mjx_trainer/bench_mjx.py", *session.posargs[1:])
+        script = "learn_beside_brax" if session.posargs[0] == "success" else "bench_mjx"
+        path = f"tests/plugins/mjx_trainer/{script}.py"
+        session.run("python", path, *session.posargs[1:], env=environment)
         return
     if session.posargs[:1] == ["soak"]:
-        environment = {"PYTHONPATH": str(ROOT / "tests" / "support")}
         script = "tests/plugins/mjx_trainer/soak_mjx.py"
         session.run("python", script, *session.posargs[1:], env=environment)
         return

@@ -24,7 +24,7 @@ from joshua_inference.figures import InferenceFigures
 from joshua_inference.loop import InferenceLoop
 from joshua_mujoco_sim.envs import make_environment
 from joshua_mujoco_sim.envs.arm_terms import JOINTS, REACHED_M
-from joshua_mujoco_sim.envs.experts import Kinematics
+from joshua_mujoco_sim.envs.kinematics import Kinematics
 
 WEIGHTS = Path(__file__).with_suffix(".npz")
 GOAL = "observation.environment_state"

@@ -20,16 +20,12 @@ from typing import Any, NamedTuple
 os.environ.setdefault("NPROC", str(max(os.cpu_count() or 1, 8)))
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from joshua.schema import config_pb2 as pb
+from beside_brax import N_STEPS, make_learner, train_brax
 from joshua_mjx_trainer.environment import MjxEnvironments
 from joshua_mjx_trainer.learner import Learner
-from joshua_mjx_trainer.settings import MjxSettings
 from joshua_mujoco_sim.envs import TASKS
 from joshua_mujoco_sim.envs.single import make_task
-
-N_STEPS, N_EPOCHS, MINI_BATCHES = 32, 8, 4
 
 
 class Rate(NamedTuple):
@@ -58,21 +54,8 @@ class Stopwatch:
 
 def ours(name: str, count: int) -> tuple[Learner, float]:
     """The learner after its first iteration, and the seconds that this took, compilation included."""
-    rl_config = pb.RLConfig(
-        algorithm="PPO",
-        num_envs=count,
-        total_timesteps=10**9,
-        learning_rate=0.001,
-        gamma=0.95,
-        n_steps=N_STEPS,
-        n_epochs=N_EPOCHS,
-        batch_size=count * N_STEPS // MINI_BATCHES,
-        hidden_sizes=[64, 64],
-    )
-    block = pb.Training(environment=pb.ENV_SIMULATION, rl_config=rl_config)
-    settings = MjxSettings.from_block(block).suitable(name)
     watch = Stopwatch()
-    learner = Learner(settings, MjxEnvironments(make_task(TASKS[name], "", None, False)), seed=1)
+    learner = make_learner(name, count, seed=1)
     learner.iterate()
     return learner, watch.s
 
@@ -84,38 +67,6 @@ def theirs(
 
     The first two compile: the second gets arrays that already lie on the device.
     """
-    if not hasattr(jax, "device_put_replicated"):  # gone from JAX 0.10, and brax 0.14 calls it
-        jax.device_put_replicated = lambda tree, devices: jax.tree.map(
-            lambda values: jnp.stack([values] * len(devices)), tree
-        )
-    from brax.envs.base import Env, State
-    from brax.training.agents.ppo import networks, train
-
-    many = MjxEnvironments(make_task(TASKS[name], "", None, False))
-
-    class Environment(Env):  # type: ignore[misc,unused-ignore]
-        """One environment; brax makes many of it, and restarts episodes where they first began."""
-
-        observation_size = many.single_observation_space.shape[0]
-        action_size = many.task.action_size
-        backend = "mjx"
-
-        def reset(self, rng: Any) -> Any:
-            carry, seen = many.reset(rng[None])
-            zero = jnp.float32(0.0)
-            return State(jax.tree.map(lambda values: values[0], carry), seen[0], zero, zero, {}, {})
-
-        def step(self, state: Any, action: Any) -> Any:
-            carry = jax.tree.map(lambda values: values[None], state.pipeline_state)
-            carry, done = many.advance(carry, action[None])
-            return state.replace(
-                pipeline_state=jax.tree.map(lambda values: values[0], carry),
-                obs=done.final[0],
-                reward=done.rewards[0],
-                done=done.terminated[0].astype(jnp.float32),
-                metrics={**state.metrics},
-            )
-
     epochs, watch = 0, Stopwatch()
 
     def after_epoch(_: int, __: Any) -> None:
@@ -123,28 +74,8 @@ def theirs(
         told(epochs, watch.rate(iterations * count * N_STEPS), watch.s)
         epochs, watch = epochs + 1, Stopwatch()
 
-    train.train(
-        Environment(),
-        num_timesteps=(rounds + 2) * iterations * count * N_STEPS,
-        episode_length=many.task.max_steps,
-        num_envs=count,
-        learning_rate=0.001,
-        discounting=0.95,
-        unroll_length=N_STEPS,
-        batch_size=count // MINI_BATCHES,
-        num_minibatches=MINI_BATCHES,
-        num_updates_per_batch=N_EPOCHS,
-        num_evals=rounds + 3,
-        run_evals=False,
-        network_factory=lambda *sizes, **more: networks.make_ppo_networks(
-            *sizes,
-            policy_hidden_layer_sizes=(64, 64),
-            value_hidden_layer_sizes=(64, 64),
-            activation=jnp.tanh,
-            **more,
-        ),
-        progress_fn=after_epoch,
-    )
+    many = MjxEnvironments(make_task(TASKS[name], "", None, False))
+    train_brax(many, count, (rounds + 2) * iterations * count * N_STEPS, rounds + 3, after_epoch)
 
 
 def run() -> None:

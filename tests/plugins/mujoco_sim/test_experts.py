@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from joshua_mujoco_sim.envs import TermEnv, experts, make_environment
 from joshua_mujoco_sim.envs.arm_terms import PLACED_M
-from joshua_mujoco_sim.envs.experts import BASE_Y_M, EXPERTS, Kinematics, PickPlaceExpert
+from joshua_mujoco_sim.envs.experts import BASE_Y_M, EXPERTS, PickPlaceExpert
+from joshua_mujoco_sim.envs.kinematics import Kinematics
 from joshua_mujoco_sim.envs.tasks import pick_place
 from joshua_mujoco_sim.model_file import load_model
 
