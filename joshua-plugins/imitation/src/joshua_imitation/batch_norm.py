@@ -61,7 +61,9 @@ def learn_batch_norm(policy: Any) -> None:
         images = arguments[0].get(_IMAGES) or []
         if not model.training or len({image.shape for image in images}) != 1:
             return
-        features = backbone(torch.cat(list(images)))["feature_map"]
+        # colours last: convolutions on a CPU need up to a tenth less time
+        stacked = torch.cat(list(images)).contiguous(memory_format=torch.channels_last)
+        features = backbone(stacked)["feature_map"]
         ready.update(zip(map(id, images), features.chunk(len(images)), strict=True))
 
     def features_of(image: Any) -> dict[str, Any]:

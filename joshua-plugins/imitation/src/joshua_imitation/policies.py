@@ -219,6 +219,9 @@ def make_parts(
         [p for p in policy.parameters() if p.requires_grad] if settings.lora_rank else base.get_optim_params()
     )
     optimiser = preset.build(parameters)
+    if device == "cpu" and isinstance(optimiser, torch.optim.Adam):
+        for group in optimiser.param_groups:
+            group["fused"] = True  # one pass over the weights instead of one for each operation
     drop_last = int(getattr(config, "drop_n_last_frames", 0))
     last = max(1, steps(drop_last))
     shape = _schedule(settings, config, last)
