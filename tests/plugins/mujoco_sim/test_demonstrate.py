@@ -45,6 +45,18 @@ def test_recorded_goals_make_the_same_episode_again(
     assert total == pytest.approx(np.array(rewards), abs=1e-5)
 
 
+def test_recoveries_begin_where_the_arm_is_and_not_at_home(tmp_path: Path) -> None:
+    arguments = ["demonstrate", "SoArm100PickPlace-v0", str(tmp_path / "cube"), "--episodes", "3"]
+    assert main([*arguments, "--recoveries", "1"]) == 0
+    table = pq.read_table(tmp_path / "cube" / "data").to_pydict()
+    columns = (table[key] for key in ("frame_index", "observation.state", "action", "info.cube"))
+    firsts = [row[1:] for row in zip(*columns, strict=True) if row[0] == 0]
+    home = make_environment("joshua/SoArm100PickPlace-v0").unwrapped.state.model.key("home").qpos
+    assert len(firsts) == 3
+    assert all(np.abs(np.array(state) - home[:6]).max() > 0.2 for state, _, _ in firsts)
+    assert all(np.abs(np.array(state)[:5] - np.array(action)[:5]).max() < 0.3 for state, action, _ in firsts)
+
+
 def test_what_cannot_be_recorded_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["demonstrate", "joshua/Ant-v0", str(tmp_path / "a")]) == 2
     assert "joshua/Ant-v0 has no demonstrator: choose joshua/" in capsys.readouterr().err
@@ -58,3 +70,7 @@ def test_what_cannot_be_recorded_is_said(tmp_path: Path, capsys: pytest.CaptureF
     with pytest.raises(SystemExit):
         main(["demonstrate", "SoArm100Reach-v0", str(tmp_path / "c"), "--episodes", "0"])
     assert "'0': expected a whole number from 1 on" in capsys.readouterr().err
+    for share in ("1.2", "half", "nan"):
+        with pytest.raises(SystemExit):
+            main(["demonstrate", "SoArm100Reach-v0", str(tmp_path / "c"), "--recoveries", share])
+        assert f"{share!r}: expected a share from 0 to 1, such as 0.5" in capsys.readouterr().err

@@ -68,7 +68,7 @@ class Demonstrator:
         self._state = _LiveState(world, self._task.action_size)
         self._task.prepare(self._state)
         self._evaluator = Evaluator(self._task, self._state, "absolute")
-        stage: Any = SimpleNamespace(state=self._state, features=self._evaluator.features)
+        stage: Any = SimpleNamespace(state=self._state, task=self._task, features=self._evaluator.features)
         self._expert = EXPERTS[task](stage, noise_rad=noise_rad, seed=0, recoveries=recoveries)
         self._period_s = self._task.frame_skip * world.physics.timestep_s
         self._phase, self._steps, self._next_s, self._seed = "resting", 0, 0.0, 0

@@ -48,6 +48,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--noise", type=float, default=0.0, metavar="RAD", help="spread of the goals, so that episodes differ"
     )
+    parser.add_argument(
+        "--recoveries",
+        type=_share,
+        default=0.0,
+        metavar="SHARE",
+        help="of the episodes, those that show how to recover from errors, 0 to 1 (default 0)",
+    )
     parser.add_argument("--randomise", action="store_true", help="vary the physics from episode to episode")
 
 
@@ -105,7 +112,9 @@ def run(arguments: argparse.Namespace) -> int:
         return ExitCode.INVALID
     try:
         recorder = Recorder(environment, load_target(writer.implementation), arguments.folder, cameras)
-        expert = EXPERTS[name](environment, noise_rad=arguments.noise, seed=arguments.seed)
+        expert = EXPERTS[name](
+            environment, noise_rad=arguments.noise, seed=arguments.seed, recoveries=arguments.recoveries
+        )
         failed = _record(recorder, expert, TASKS[name], arguments)
     except (EpisodeError, RenderingError) as error:
         sys.stderr.write(f"joshua demonstrate: {error}\n")
@@ -160,8 +169,10 @@ class Recorder:
         from joshua.features import ACTION, STATE, Frame
 
         environment, state = self._environment, self._environment.state
-        observation, info = environment.reset(seed=seed)
+        environment.reset(seed=seed)
+        expert.scatter(seed)
         expert.reset()
+        observation, info = environment.observe()
         for step in range(environment.task.max_steps):
             frame: dict[str, Any] = {STATE: state.qpos[0, :6].astype(np.float32)}
             frame |= {key: observation[name] for name, key in self._cameras.items()}
@@ -298,6 +309,16 @@ def _wait(system: Any, phases: tuple[str, ...]) -> str:
             return phase
         time.sleep(0.02)
     raise CallError("timeout", f"the demonstrator is not {' or '.join(phases)} after {LONGEST_S:g} s")
+
+
+def _share(text: str) -> float:
+    try:
+        share = float(text)
+    except ValueError:
+        share = -1.0
+    if not 0.0 <= share <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a share from 0 to 1, such as 0.5")
+    return share
 
 
 def _positive(text: str) -> int:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
-import mujoco
 import numpy as np
 
 from joshua_mujoco_sim.envs import arm_terms as arm
-from joshua_mujoco_sim.envs.kinematics import REACHING, Kinematics
+from joshua_mujoco_sim.envs import recoveries as errors
+from joshua_mujoco_sim.envs.kinematics import BASE_Y_M, REACHING, Kinematics, radial
+from joshua_mujoco_sim.envs.recoveries import LooseCube
 from joshua_mujoco_sim.envs.single import TermEnv
 from joshua_mujoco_sim.envs.state import FloatArray
 
@@ -18,9 +19,6 @@ OPEN_RAD, CLOSED_RAD = 0.65, -0.1
 
 #: Gripper angle below which the jaws hold the cube.
 HELD_RAD = 0.21
-
-#: Duration of a step.
-PERIOD_S = 0.04
 
 #: Largest motion of the grip in one step, 0.25 m/s, and largest turn.
 STEP_M, TURN_RAD = 0.01, 0.1
@@ -32,29 +30,15 @@ HOVER_M, CARRY_M = 0.035, 0.028
 #: and aside, so that the open jaws are equally far from it.
 GRASP_M, SIDE_M = 0.010, 0.009
 
+#: Steps in which a grasp beside the cube goes down before the jaws close.
+MISS_DOWN_STEPS = 8
+
 #: A cube this near to the goal stays there.
 AT_GOAL_M = 0.014
 
-#: Where the arm's base turns.
-BASE_Y_M = -0.045
-
 _UP = np.array([0.0, 0.0, 1.0])
 
-#: Recoveries: heights of the grip at the start, above the table, and its distance beside the cube, at most.
-START_LOW_M, START_HIGH_M, START_BESIDE_M = 0.015, 0.16, 0.06
-
-#: Recoveries: how often the cube lies elsewhere; distances from the arm's base, and angles from its front, at
-#: which it may lie; how often beside the goal, and its distances from the goal.
-PUSHED, PUSHED_M, PUSHED_RAD = 0.6, (0.11, 0.37), 1.0
-BESIDE_GOAL, BESIDE_GOAL_M = 0.4, (0.024, 0.07)
-
-#: Recoveries: speed and turn rate, at most, at which somebody moves the cube while the jaws approach; how
-#: long at most, and the distance of the grip from the cube at which it is let go.
-MOVED_M_S, MOVED_RAD_S = 0.2, 2.0
-MOVED_S, LET_GO_M = 1.0, 0.05
-
-#: Recoveries: how often the cube slips out of the closing jaws, at what speed, and for how many steps.
-SLIPS, SLIP_M_S, SLIP_STEPS = 0.4, 0.3, (2, 4)
+_ONLY = np.zeros(1, np.int64)
 
 
 class Expert(Protocol):
@@ -105,22 +89,8 @@ class _ArmExpert:
     def scatter(self, seed: int) -> None:
         """Move the arm elsewhere in the share of episodes that show recoveries."""
         chance = np.random.default_rng([seed, 7])
-        if chance.random() >= self._recoveries:
-            return
-        state = self._state
-        self._displace(chance)
-        joints = np.array(state.qpos[0, :REACHING])
-        yaw, jaw = self._closing_line() + chance.uniform(-0.8, 0.8), chance.uniform(CLOSED_RAD, OPEN_RAD)
-        target = self._start(chance)
-        while True:
-            found = self._kinematics.solve(joints, target, yaw, rounds=60)
-            state.qpos[0, :6] = np.clip(np.append(found, jaw), *self._limits)
-            state.qvel[0] = 0.0
-            state.ctrl[0] = state.qpos[0, :6]
-            state.forward(np.zeros(1, np.int64))
-            if target[2] > START_HIGH_M or not self._touches():
-                break
-            target = target + 0.004 * _UP
+        if chance.random() < self._recoveries:
+            self._err(chance)
 
     def reset(self) -> None:
         """Begin an episode."""
@@ -143,20 +113,34 @@ class _ArmExpert:
     def _steps(self) -> Iterator[FloatArray]:
         raise NotImplementedError
 
-    def _displace(self, chance: np.random.Generator) -> None:
-        """Move objects to where an error may have left them."""
+    def _err(self, chance: np.random.Generator) -> None:
+        """Bring about a state that follows an error: the arm is anywhere, with the jaws at any opening."""
+        radius, angle = chance.uniform(0.16, 0.28), chance.uniform(-0.9, 0.9)
+        height = chance.uniform(errors.START_LOW_M, errors.START_HIGH_M)
+        place = np.array([radius * np.sin(angle), BASE_Y_M - radius * np.cos(angle), height])
+        self._put(
+            place, self._closing_line() + chance.uniform(-0.8, 0.8), chance.uniform(CLOSED_RAD, OPEN_RAD)
+        )
+
+    def _put(self, target: FloatArray, yaw: float, jaw: float) -> None:
+        """Put the grip to a place, or above it where it touches nothing."""
+        state = self._state
+        joints = np.array(state.qpos[0, :REACHING])
+        while True:
+            found = self._kinematics.solve(joints, target, yaw, rounds=60)
+            state.qpos[0, :6] = np.clip(np.append(found, jaw), *self._limits)
+            state.qvel[0] = 0.0
+            state.ctrl[0] = state.qpos[0, :6]
+            state.forward(_ONLY)
+            if target[2] > errors.START_HIGH_M or not self._touches():
+                break
+            target = target + 0.004 * _UP
 
     def _touches(self) -> bool:
         """Return whether the arm touches anything else."""
         contact = self._state.data.contact
         bodies = self._state.model.geom_bodyid[contact.geom[contact.dist < 0.0]]
         return bool((np.isin(bodies, self._arm).sum(axis=-1) == 1).any())
-
-    def _start(self, chance: np.random.Generator) -> FloatArray:
-        """Return a place for the grip to start at: anywhere in front of the arm."""
-        radius, angle = chance.uniform(0.16, 0.28), chance.uniform(-0.9, 0.9)
-        height = chance.uniform(START_LOW_M, START_HIGH_M)
-        return np.array([radius * np.sin(angle), BASE_Y_M - radius * np.cos(angle), height])
 
     def _closing_line(self) -> float:
         """Return the angle about z of the line along which the jaws close."""
@@ -196,10 +180,15 @@ class PickPlaceExpert(_ArmExpert):
     whose end a picture does not show, and an error is corrected from wherever it leads.
     """
 
-    _disturbed: Iterator[None] = iter(())
+    def __init__(self, environment: TermEnv, **options: Any) -> None:
+        self._frame_skip = environment.task.frame_skip
+        period_s = self._frame_skip * environment.state.model.opt.timestep
+        self._cube = LooseCube(environment.state, period_s)
+        self._disturbed: Iterator[None] = iter(())
+        super().__init__(environment, **options)
 
     def scatter(self, seed: int) -> None:
-        """See ``Expert``. Where the arm starts elsewhere, the cube is moved during the episode, too."""
+        """See ``Expert``. Where the episode begins with an error, others follow."""
         self._disturbed = iter(())
         super().scatter(seed)
 
@@ -247,7 +236,7 @@ class PickPlaceExpert(_ArmExpert):
         if error > 0.02 and height < 0.4 * CARRY_M:
             return self._to(self._at + CARRY_M * _UP, CLOSED_RAD, self._line)
         wanted = CARRY_M * min(1.0, max(0.0, error - 0.004) / 0.012)
-        return self._to(self._at + way + (wanted - height) * _UP, CLOSED_RAD, self._radial(self._at))
+        return self._to(self._at + way + (wanted - height) * _UP, CLOSED_RAD, radial(self._at))
 
     def _holds(self) -> bool:
         """Return whether the jaws are closed on the cube."""
@@ -264,88 +253,70 @@ class PickPlaceExpert(_ArmExpert):
         self._line += float(np.clip(yaw - self._line, -TURN_RAD, TURN_RAD))
         return self._goals(self._at, gripper, self._line)
 
-    def _start(self, chance: np.random.Generator) -> FloatArray:
-        """Return a place for the grip to start at: in half of the episodes above the cube or beside it."""
-        anywhere = super()._start(chance)
-        if chance.random() < 0.5:
-            return anywhere
-        # low ones beside the cube, where a policy ends that has misjudged its place
-        cube = self._state.site("cube")[0]
-        away, angle = chance.uniform(0.0, START_BESIDE_M), chance.uniform(-np.pi, np.pi)
-        height = START_LOW_M - arm.HALF_CUBE_M + chance.triangular(0.0, 0.0, 0.7 * START_HIGH_M)
-        beside: FloatArray = cube + np.array([away * np.cos(angle), away * np.sin(angle), height])
-        return beside
-
-    def _displace(self, chance: np.random.Generator) -> None:
-        """Move the cube, in most episodes: to where jaws that miss it push it, or where they lose it."""
+    def _err(self, chance: np.random.Generator) -> None:
+        """Bring about a state that follows an error: cube, arm or both are elsewhere."""
         self._disturbed = self._disturb(np.random.default_rng(chance.integers(2**32)))
-        if chance.random() >= PUSHED:
-            return
-        state, goal = self._state, self._state.site("goal")[0, :2]
-        beside = chance.random() < BESIDE_GOAL
-        while True:
-            if beside:
-                radius, angle = chance.uniform(*BESIDE_GOAL_M), chance.uniform(-np.pi, np.pi)
-                place = goal + radius * np.array([np.cos(angle), np.sin(angle)])
-            else:
-                radius, angle = chance.uniform(*PUSHED_M), chance.uniform(-PUSHED_RAD, PUSHED_RAD)
-                place = np.array([radius * np.sin(angle), BASE_Y_M - radius * np.cos(angle)])
-            if self._is_free(place, BESIDE_GOAL_M[0]):
-                break
-        half_turn = chance.uniform(-np.pi, np.pi) / 2
-        state.qpos[0, 6:13] = *place, arm.HALF_CUBE_M, np.cos(half_turn), 0.0, 0.0, np.sin(half_turn)
-        state.forward(np.zeros(1, np.int64))
+        if chance.random() < errors.PUSHED:
+            self._cube.lay(chance, beside_goal=chance.random() < errors.BESIDE_GOAL)
+            self._state.forward(_ONLY)
+        if chance.random() < 0.5:
+            super()._err(chance)
+        elif chance.random() < errors.MISSES:
+            self._miss(chance)
+        else:
+            # low and beside the cube, where a policy ends that has misjudged its place
+            away, angle = chance.uniform(0.0, errors.START_BESIDE_M), chance.uniform(-np.pi, np.pi)
+            height = (
+                errors.START_LOW_M - arm.HALF_CUBE_M + chance.triangular(0.0, 0.0, 0.7 * errors.START_HIGH_M)
+            )
+            place = self._cube.place + np.array([away * np.cos(angle), away * np.sin(angle), height])
+            yaw = self._closing_line() + chance.uniform(-0.8, 0.8)
+            self._put(place, yaw, chance.uniform(CLOSED_RAD, OPEN_RAD))
+
+    def _miss(self, chance: np.random.Generator) -> None:
+        """Grasp beside the cube, which the jaws may push or tilt."""
+        state = self._state
+        missed, angle = chance.uniform(*errors.MISSED_M), chance.uniform(-np.pi, np.pi)
+        place = self._cube.place + GRASP_M * _UP + missed * np.array([np.cos(angle), np.sin(angle), 0.0])
+        yaw = self._grasp_angle()
+        self._put(place, yaw, OPEN_RAD)
+        before, time_s = (np.array(state.qpos), np.array(state.ctrl)), state.data.time
+        joints = self._kinematics.solve(state.ctrl[0, :REACHING], place, yaw, rounds=60)
+        closing = chance.integers(*errors.MISSED_STEPS, endpoint=True)
+        for step in range(MISS_DOWN_STEPS + closing):
+            wanted = np.append(joints, OPEN_RAD if step < MISS_DOWN_STEPS else CLOSED_RAD)
+            change = np.clip(wanted - state.ctrl[0], -arm.STEP_RAD, arm.STEP_RAD)
+            state.ctrl[0] = np.clip(state.ctrl[0] + change, *self._limits)
+            state.step(self._frame_skip)
+        if not self._cube.is_free(self._cube.place[:2], errors.BESIDE_GOAL_M[0]):
+            state.qpos[:], state.ctrl[:] = before
+            state.qvel[:] = 0.0
+        state.data.time = time_s
+        state.forward(_ONLY)
 
     def _disturb(self, chance: np.random.Generator) -> Iterator[None]:
-        """Move the cube step by step: while the jaws approach it, and out of them when they close.
+        """Bring about errors, step by step: the cube is moved, slips out of the jaws, or is taken away.
 
-        One episode shows a line of places instead of one, and the view of a cube that the jaws have missed.
-        All directions are equally likely, so a policy cannot guess the next place.
+        One episode shows many places of the cube, and the view of a cube that the jaws have missed or lost.
         """
         state = self._state
-        turn_rad_s = chance.uniform(-MOVED_RAD_S, MOVED_RAD_S)
-        angle, speed = chance.uniform(-np.pi, np.pi), chance.uniform(0.3 * MOVED_M_S, MOVED_M_S)
-        for _ in range(int(chance.uniform(0.0, MOVED_S) / PERIOD_S)):
-            if np.linalg.norm(state.site("cube")[0] - state.site("gripper")[0]) < LET_GO_M:
-                break
-            for _ in range(20):
-                if self._move_cube(angle, speed, turn_rad_s):
-                    break
-                angle = chance.uniform(-np.pi, np.pi)
-            yield
-        if chance.random() >= SLIPS:
-            return
-        while not (state.ctrl[0, 5] < 0.5 * OPEN_RAD and HELD_RAD < state.qpos[0, 5] < 0.8 * OPEN_RAD):
-            yield
-        across = self._line + chance.choice((-0.5, 0.5)) * np.pi
-        for _ in range(chance.integers(*SLIP_STEPS, endpoint=True)):
-            self._move_cube(across, SLIP_M_S, turn_rad_s)
-            yield
-
-    def _move_cube(self, angle: float, speed_m_s: float, turn_rad_s: float) -> bool:
-        """Move the cube by one step; return False if it would leave its area or come to the goal."""
-        state = self._state
-        cube = state.site("cube")[0, :2]
-        place = cube + speed_m_s * PERIOD_S * np.array([np.cos(angle), np.sin(angle)])
-        if not self._is_free(place, 2 * arm.PLACED_M):
-            return False
-        half_turn, turned = 0.5 * PERIOD_S * turn_rad_s, np.zeros(4)
-        turn = np.array([np.cos(half_turn), 0.0, 0.0, np.sin(half_turn)])
-        mujoco.mju_mulQuat(turned, turn, state.qpos[0, 9:13])
-        state.qpos[0, 6:8], state.qpos[0, 9:13] = place, turned
-        return True
-
-    def _is_free(self, place: FloatArray, least_m: float) -> bool:
-        """Return whether the arm reaches a place well, at least at some distance from the goal."""
-        radius = np.hypot(place[0], place[1] - BASE_Y_M)
-        inside = PUSHED_M[0] <= radius <= PUSHED_M[1] and abs(self._radial(place)) <= PUSHED_RAD
-        goal = self._state.site("goal")[0, :2]
-        return bool(inside and np.hypot(*(place - goal)) >= least_m)
-
-    @staticmethod
-    def _radial(place: FloatArray) -> float:
-        """Return the angle about z at which the jaws close across the line from the base to a place."""
-        return float(np.arctan2(place[0], -(place[1] - BASE_Y_M)))
+        for _ in range(errors.MOST_LOST):
+            yield from self._cube.slide(chance)
+            if chance.random() < errors.SLIPS:
+                while not (
+                    state.ctrl[0, 5] < 0.5 * OPEN_RAD and HELD_RAD < state.qpos[0, 5] < 0.8 * OPEN_RAD
+                ):
+                    yield
+                yield from self._cube.slip(chance, self._line)
+            elif chance.random() < errors.TAKEN:
+                while not (self._holds() and self._cube.place[2] > errors.LIFTED_M):
+                    yield
+                for _ in range(chance.integers(errors.TAKEN_STEPS)):
+                    yield
+                self._cube.lay(chance, beside_goal=chance.random() < errors.BESIDE_GOAL)
+                yield
+            else:
+                return
 
     def _grasp_angle(self) -> float:
         """Return the closing direction of the jaws about z: across two faces of the cube.
@@ -354,7 +325,7 @@ class PickPlaceExpert(_ArmExpert):
         """
         w, x, y, z = self._state.qpos[0, 9:13]
         yaw = float(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
-        across = self._radial(self._state.site("cube")[0])
+        across = radial(self._state.site("cube")[0])
         return across + (yaw - across + np.pi / 4) % (np.pi / 2) - np.pi / 4
 
 

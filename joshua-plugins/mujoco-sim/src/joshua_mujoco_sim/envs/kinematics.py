@@ -10,6 +10,14 @@ from joshua_mujoco_sim.envs.state import FloatArray
 #: Joints that place the grip; the sixth is the gripper.
 REACHING = 5
 
+#: Where the arm's base turns.
+BASE_Y_M = -0.045
+
+
+def radial(place: FloatArray) -> float:
+    """Return the angle about z at which the jaws close across the line from the base to a place, m."""
+    return float(np.arctan2(place[0], -(place[1] - BASE_Y_M)))
+
 
 class Kinematics:
     """Inverse kinematics of the SO-ARM100 on its own data.

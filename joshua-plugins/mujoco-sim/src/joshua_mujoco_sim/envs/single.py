@@ -102,6 +102,10 @@ class TermEnv(gymnasium.Env[Any, Any]):
         """Start an episode; the same seed gives the same episode."""
         super().reset(seed=seed)
         self._evaluator.reset(_ONLY, (self.np_random,))
+        return self.observe()
+
+    def observe(self) -> tuple[Any, dict[str, Any]]:
+        """Return observation and ``info`` of the present state, which may have been changed after a reset."""
         return first(self._observer.all()), {"objects": first(self._evaluator.objects())}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
