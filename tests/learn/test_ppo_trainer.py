@@ -374,6 +374,7 @@ def test_a_killed_run_goes_on_as_if_nothing_had_happened(tmp_path: Path) -> None
     assert "INFO 2048 steps learned" in (run / "run.log").read_text().partition("INFO continuing")[2]
     (part,) = run.glob("config_*.pbtxt")
     assert f"# The configuration of this run after {part.stem[7:]} steps, with" in part.read_text()
+    assert "# To continue the run from its last checkpoint, copy it to the folder of" in part.read_text()
     assert f'resume_run: "killed/{run.name}"' in part.read_text()
     assert "resume_run" not in (run / "config.pbtxt").read_text()
     assert list((run / "tensorboard").glob("*tfevents*"))

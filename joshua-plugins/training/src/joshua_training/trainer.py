@@ -24,7 +24,7 @@ from joshua_training.tracking_settings import TrackingSettings
 #: Beginning of the copy of the configuration.
 CONFIGURATION = """\
 # The configuration of this run{part}, with the content of included files and the options of --set.
-# To run it again, copy it to the folder of its paths, {place}.
+# To {again}, copy it to the folder of its paths, {place}.
 
 """
 
@@ -72,7 +72,8 @@ class RunNode(Trainer):
 
     def keep_configuration(self, name: str, part: str = "") -> None:
         """Write the configuration of the run, or of a part of it, to its folder. Raises RunError."""
-        head = CONFIGURATION.format(part=part, place=self._place)
+        again = "continue the run from its last checkpoint" if part else "run it again"
+        head = CONFIGURATION.format(part=part, again=again, place=self._place)
         self.folder.write(name, (head + self.facts.configuration).encode())
 
     @property
