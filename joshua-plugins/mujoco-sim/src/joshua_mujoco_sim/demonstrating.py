@@ -24,6 +24,10 @@ SETTLE_S, LONGEST_SETTLE_S = 0.6, 3.0
 #: Distance from the start at which the follower has settled.
 SETTLED_RAD = 0.02
 
+#: Steps that a demonstration goes on after its success. A policy that has seen only the first steps of an arm
+#: that leaves a placed cube stops there, before it has let go.
+AFTER_STEPS = 10
+
 _ONLY = np.zeros(1, np.int64)
 
 
@@ -71,7 +75,7 @@ class Demonstrator:
         stage: Any = SimpleNamespace(state=self._state, task=self._task, features=self._evaluator.features)
         self._expert = EXPERTS[task](stage, noise_rad=noise_rad, seed=0, recoveries=recoveries)
         self._period_s = self._task.frame_skip * world.physics.timestep_s
-        self._phase, self._steps, self._next_s, self._seed = "resting", 0, 0.0, 0
+        self._phase, self._steps, self._after, self._next_s, self._seed = "resting", 0, 0, 0.0, 0
         self._goal: FloatArray = np.array(self._state.ctrl[0])
 
     @property
@@ -95,7 +99,8 @@ class Demonstrator:
             if self._phase != "ready":
                 raise RefusedError(f"the demonstrator is {self._phase}: set a scene, and wait for ready")
             self._expert.reset()
-            self._phase, self._steps, self._next_s = "showing", 0, self._state.data.time
+            self._phase, self._steps, self._after = "showing", 0, 0
+            self._next_s = self._state.data.time
         return "showing"
 
     @verb(moves=False)
@@ -117,8 +122,12 @@ class Demonstrator:
             mujoco.mj_forward(physics.model, physics.data)
             self._state.step_cache.clear()
             ended, success, _ = self._evaluator.terminated()
-            if ended[0] or self._steps >= self._task.max_steps:
-                self._phase = "succeeded" if success[0] else "failed"
+            self._after += bool(success[0] or self._after)
+            if self._after > AFTER_STEPS:
+                self._phase = "succeeded"
+                return
+            if not self._after and (ended[0] or self._steps >= self._task.max_steps):
+                self._phase = "failed"
                 return
             self._goal = np.asarray(self._expert.act(), np.float64)
             self._steps += 1
