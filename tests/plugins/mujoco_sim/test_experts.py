@@ -175,9 +175,8 @@ def test_recoveries_move_the_cube_while_the_jaws_approach() -> None:
 
 
 def test_recoveries_let_the_cube_slip_and_grasp_it_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recoveries, "MISSES", 0.0)
     monkeypatch.setattr(recoveries, "MOVED_S", 0.0)
-    monkeypatch.setattr(recoveries, "TAKEN", 0.0)
-    monkeypatch.setattr(recoveries, "MOST_LOST", 2)
     monkeypatch.setattr(recoveries, "SLIPS", 0.0)
     firm = paths(1.0, range(10))
     monkeypatch.setattr(recoveries, "SLIPS", 1.0)
@@ -185,32 +184,6 @@ def test_recoveries_let_the_cube_slip_and_grasp_it_again(monkeypatch: pytest.Mon
     longer = [len(again) - len(once) for again, once in zip(slipping, firm, strict=True)]
     assert sum(steps >= 5 for steps in longer) >= 6
     assert successes("joshua/SoArm100PickPlace-v0", range(10), recoveries=1.0) >= 9
-
-
-def test_recoveries_take_the_carried_cube_away_and_fetch_it_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    name = "joshua/SoArm100PickPlace-v0"
-    monkeypatch.setattr(recoveries, "SLIPS", 0.0)
-    monkeypatch.setattr(recoveries, "TAKEN", 1.0)
-    monkeypatch.setattr(recoveries, "MOST_LOST", 2)
-    environment = make_environment(name, disable_env_checker=True).unwrapped
-    expert: Any = EXPERTS[name](environment, recoveries=1.0)
-    state, taken, done = environment.state, [], 0
-    for seed in range(10):
-        environment.reset(seed=seed)
-        expert.scatter(seed)
-        expert.reset()
-        taken.append(0)
-        before = state.site("cube")[0].copy()
-        for _ in range(environment.task.max_steps):
-            *_, terminated, _, info = environment.step(expert.act())
-            cube = state.site("cube")[0].copy()
-            taken[-1] += np.hypot(*(cube - before)[:2]) > 0.03 and before[2] > 0.5 * recoveries.LIFTED_M
-            before = cube
-            if terminated:
-                break
-        done += info["is_success"]
-    assert sum(times == 2 for times in taken) >= 8
-    assert done >= 8
 
 
 def test_inverse_kinematics_reaches_a_place_with_the_jaws_along_a_line() -> None:

@@ -20,6 +20,9 @@ OPEN_RAD, CLOSED_RAD = 0.65, -0.1
 #: Gripper angle below which the jaws hold the cube.
 HELD_RAD = 0.21
 
+#: Distance of the grip from a cube on which the jaws close, at most.
+CLOSING_M = 0.04
+
 #: Largest motion of the grip in one step, 0.25 m/s, and largest turn.
 STEP_M, TURN_RAD = 0.01, 0.1
 
@@ -295,28 +298,21 @@ class PickPlaceExpert(_ArmExpert):
         state.forward(_ONLY)
 
     def _disturb(self, chance: np.random.Generator) -> Iterator[None]:
-        """Bring about errors, step by step: the cube is moved, slips out of the jaws, or is taken away.
+        """Move the cube step by step: while the jaws approach it, and out of them when they close.
 
-        One episode shows many places of the cube, and the view of a cube that the jaws have missed or lost.
+        One episode shows a line of places instead of one, and the view of a cube that the jaws have missed.
         """
         state = self._state
-        for _ in range(errors.MOST_LOST):
-            yield from self._cube.slide(chance)
-            if chance.random() < errors.SLIPS:
-                while not (
-                    state.ctrl[0, 5] < 0.5 * OPEN_RAD and HELD_RAD < state.qpos[0, 5] < 0.8 * OPEN_RAD
-                ):
-                    yield
-                yield from self._cube.slip(chance, self._line)
-            elif chance.random() < errors.TAKEN:
-                while not (self._holds() and self._cube.place[2] > errors.LIFTED_M):
-                    yield
-                for _ in range(chance.integers(errors.TAKEN_STEPS)):
-                    yield
-                self._cube.lay(chance, beside_goal=chance.random() < errors.BESIDE_GOAL)
-                yield
-            else:
-                return
+        yield from self._cube.slide(chance)
+        if chance.random() >= errors.SLIPS:
+            return
+        while not (
+            np.linalg.norm(self._cube.place - state.site("gripper")[0]) < CLOSING_M
+            and state.ctrl[0, 5] < 0.5 * OPEN_RAD
+            and HELD_RAD < state.qpos[0, 5] < 0.8 * OPEN_RAD
+        ):
+            yield
+        yield from self._cube.slip(chance, self._line)
 
     def _grasp_angle(self) -> float:
         """Return the closing direction of the jaws about z: across two faces of the cube.
