@@ -132,7 +132,8 @@ def test_recoveries_begin_after_a_grasp_that_missed(monkeypatch: pytest.MonkeyPa
         expert.scatter(seed)
         assert state.data.time == time_s  # the clock of a run goes on as if nothing had happened
         beside_m = np.linalg.norm(state.site("gripper")[0] - state.site("cube")[0])
-        closing += beside_m < 0.06 and state.ctrl[0, 5] < 0.9 * OPEN_RAD and np.abs(state.qvel[0]).max() > 0.0
+        moves = np.abs(state.qvel[0]).max() > 0.0
+        closing += bool(beside_m < 0.06 and state.ctrl[0, 5] < 0.9 * OPEN_RAD and moves)
         again = state.qpos.copy()
         environment.reset(seed=seed)
         expert.scatter(seed)
