@@ -76,6 +76,28 @@ def test_a_gap_shorter_than_a_second_ends_nothing() -> None:
     assert 10 <= cell.sampler.counts["dropped"] <= 20
 
 
+def test_an_action_is_the_command_in_the_middle_of_the_period_after_the_frame() -> None:
+    cell = Cell("observation.state", "action")
+    frames = cell.run(0.5, "observation.state", "action")
+    for number in range(10, 40):
+        cell.feed("observation.state", number * PERIOD, number)
+        for part in (0.1, 0.4, 0.8):  # the robot takes its command for this frame at 0.4
+            cell.feed("action", round((number + part) * PERIOD), number + part)
+        frames += cell.sampler.poll(T0 + number * PERIOD)
+    frames = [frame for frame in frames if frame.stamp_ns >= T0 + 10 * PERIOD]
+    assert len(frames) > 20
+    for frame in frames:
+        number = round((frame.stamp_ns - T0) / PERIOD)
+        assert frame.values["observation.state"] == pytest.approx([number])
+        assert frame.values["action"] == pytest.approx([number + 0.4])
+        assert frame.offset_ns("action") == pytest.approx(0.4 * PERIOD)
+    assert cell.sampler.counts["worst_alignment_ns"] <= PERIOD // 2
+    cell.feed("observation.state", 40 * PERIOD)
+    cell.feed("action", round(40.4 * PERIOD))
+    (last,) = cell.sampler.rest(T0 + 40 * PERIOD)
+    assert last.offset_ns("action") == pytest.approx(0.4 * PERIOD)
+
+
 def test_the_policy_fail_discards_the_episode() -> None:
     cell = Cell("observation.state", "action", missing="fail")
     cell.run(1, "observation.state", "action")
@@ -103,7 +125,8 @@ def test_a_host_whose_clock_is_off_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("offsets_ms", "worst_ms"), [((20,), 1), ((20, 30), 5.5), ((2, 48), 2.5), ((45, 5, 25), 25.5)]
+    ("offsets_ms", "worst_ms"),
+    [((20,), 1), ((20, 20), 1), ((20, 30), 5.5), ((2, 48), 2.5), ((45, 5, 25), 25.5)],
 )
 def test_frames_stand_where_the_pictures_are(offsets_ms: tuple[int, ...], worst_ms: float) -> None:
     cameras = [

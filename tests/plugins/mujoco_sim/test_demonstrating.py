@@ -51,6 +51,25 @@ def test_a_demonstration_goes_on_after_the_cube_is_placed() -> None:
     assert np.hypot(*(data.site("goal").xpos - data.site("cube").xpos)[:2]) < 0.02
 
 
+def test_goals_follow_from_the_moments_of_a_camera_of_the_same_rate() -> None:
+    shown = Shown("joshua/SoArm100PickPlace-v0", "so_arm100/pick_place.xml")
+    shown.demonstrator.set_scene(Scene(0))
+    shown.until("ready")
+    with shown.world.lock:
+        shown.world.advance(7)
+    shown.demonstrator.show()
+    moments_s, goal = [], shown.demonstrator.goal
+    while len(moments_s) < 10:
+        before_s = shown.world.physics.time_s
+        with shown.world.lock:
+            shown.world.advance(1)
+        if not np.array_equal(goal, shown.demonstrator.goal):
+            moments_s.append(before_s)
+            goal = shown.demonstrator.goal
+    assert np.diff(moments_s) == pytest.approx(0.04)
+    assert np.array(moments_s) * 25 == pytest.approx(np.round(np.array(moments_s) * 25), abs=1e-6)
+
+
 def test_a_demonstration_that_does_not_succeed_in_time_fails() -> None:
     shown = Shown("joshua/SoArm100Reach-v0", "so_arm100/reach.xml")
     shown.demonstrator.set_scene(Scene(0))

@@ -144,6 +144,32 @@ def test_pictures_show_the_time_at_which_they_were_due(rendering) -> None:
     assert not np.array_equal(first.data, second.data)
 
 
+def test_cameras_of_one_rate_take_their_pictures_at_the_same_moments(rendering) -> None:
+    facts = context()
+    world = shared_world(SimulationSettings.model_validate(facts.simulation).world())
+    world.pause()
+    eyes = [camera(facts), camera(facts, "front")]
+
+    def step(count: int) -> None:
+        until_s = world.physics.time_s + (count - 0.5) * world.physics.timestep_s
+        world.step_paused(count)
+        wait(lambda: world.physics.time_s >= until_s)
+
+    try:
+        for eye in eyes:  # the second one joins between two pictures of the first
+            eye.connect()
+            step(7)
+        assert eyes[0].read(30) is not None
+        step(10)  # 24 steps; a frame is due after 25
+        assert [eye.read(0.1) for eye in eyes] == [None, None]
+        step(1)
+        assert all(eye.read(30) is not None for eye in eyes)
+    finally:
+        for eye in eyes:
+            eye.disconnect()
+        leave_world(world)
+
+
 def test_devices_of_one_file_share_one_physics() -> None:
     facts = context()
     first, second = actuator(facts, "shoulder_pan"), actuator(facts, "gripper")

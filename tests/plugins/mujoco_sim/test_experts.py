@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from joshua_mujoco_sim.envs import TermEnv, make_environment, recoveries
+from joshua_mujoco_sim.envs import TermEnv, experts, make_environment, recoveries
 from joshua_mujoco_sim.envs.arm_terms import PLACED_M
 from joshua_mujoco_sim.envs.experts import EXPERTS, OPEN_RAD, PickPlaceExpert
 from joshua_mujoco_sim.envs.kinematics import BASE_Y_M, Kinematics
@@ -76,7 +76,7 @@ def test_recoveries_start_anywhere_and_succeed(name: str) -> None:
 
 
 def test_recoveries_begin_with_a_cube_that_was_pushed_away(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recoveries, "MISSES", 0.0)
+    monkeypatch.setattr(experts, "MISSES", 0.0)
     name = "joshua/SoArm100PickPlace-v0"
     environment = make_environment(name, disable_env_checker=True).unwrapped
     expert: Any = EXPERTS[name](environment, recoveries=1.0)
@@ -98,7 +98,7 @@ def test_recoveries_begin_with_a_cube_that_was_pushed_away(monkeypatch: pytest.M
 
 
 def test_recoveries_begin_beside_the_cube_and_touch_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recoveries, "MISSES", 0.0)
+    monkeypatch.setattr(experts, "MISSES", 0.0)
     name = "joshua/SoArm100PickPlace-v0"
     environment = make_environment(name, disable_env_checker=True).unwrapped
     expert: Any = EXPERTS[name](environment, recoveries=1.0)
@@ -121,7 +121,7 @@ def test_recoveries_begin_beside_the_cube_and_touch_nothing(monkeypatch: pytest.
 
 
 def test_recoveries_begin_after_a_grasp_that_missed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recoveries, "MISSES", 1.0)
+    monkeypatch.setattr(experts, "MISSES", 1.0)
     name = "joshua/SoArm100PickPlace-v0"
     environment = make_environment(name, disable_env_checker=True).unwrapped
     expert: Any = EXPERTS[name](environment, recoveries=1.0)
@@ -176,11 +176,11 @@ def test_recoveries_move_the_cube_while_the_jaws_approach() -> None:
 
 
 def test_recoveries_let_the_cube_slip_and_grasp_it_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recoveries, "MISSES", 0.0)
+    monkeypatch.setattr(experts, "MISSES", 0.0)
     monkeypatch.setattr(recoveries, "MOVED_S", 0.0)
-    monkeypatch.setattr(recoveries, "SLIPS", 0.0)
+    monkeypatch.setattr(experts, "SLIPS", 0.0)
     firm = paths(1.0, range(10))
-    monkeypatch.setattr(recoveries, "SLIPS", 1.0)
+    monkeypatch.setattr(experts, "SLIPS", 1.0)
     slipping = paths(1.0, range(10))
     longer = [len(again) - len(once) for again, once in zip(slipping, firm, strict=True)]
     assert sum(steps >= 5 for steps in longer) >= 6

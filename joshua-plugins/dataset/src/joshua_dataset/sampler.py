@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import replace
 from typing import Any
 
-from joshua.features import Alignment, Frame, TimeAligner
+from joshua.features import ACTION, Alignment, Frame, TimeAligner
 
 from joshua_dataset.settings import StoreSettings
 from joshua_dataset.streams import LATENCY_S, NS_PER_S, Stream
@@ -41,13 +41,17 @@ class Sampler:
         self.failed = self.over = ""
         self._missing_since_ns: dict[str, int] = {}
         self._last = Frame(0)
+        # what the robot does about a frame: its command in the middle of the period that the frame begins
+        self._leads_ns = {
+            key: NS_PER_S // settings.fps // 2 for key in self._streams if key.startswith(ACTION)
+        }
         alignments = {}
         for stream in streams:
             feature = stream.feature
             if stream.is_latched:
                 continue
             tolerance_s = settings.tolerance_s or max(1 / settings.fps, stream.period_s)
-            smooth = feature.dtype.startswith("float") and not feature.key.startswith("action")
+            smooth = feature.dtype.startswith("float") and feature.key not in self._leads_ns
             alignments[feature.key] = Alignment(
                 round(tolerance_s * NS_PER_S), "interpolated" if smooth else "nearest"
             )
@@ -61,7 +65,7 @@ class Sampler:
 
     def push(self, key: str, stamp_ns: int, value: Any) -> None:
         """Take a value; pictures as their message."""
-        self._aligner.push(key, stamp_ns, value)
+        self._aligner.push(key, stamp_ns - self._leads_ns.get(key, 0), value)
 
     def poll(self, now_ns: int) -> Iterator[Frame]:
         """Yield the frames to write; sets ``failed`` or ``over`` where the episode ends."""
@@ -107,12 +111,13 @@ class Sampler:
         return self._latched(frame)
 
     def _latched(self, frame: Frame) -> Frame:
-        """Add the values that hold until they change, such as ``intervention``."""
+        """Add the values that hold until they change, such as ``intervention``; state the real stamps."""
         found = {key: item.at(frame.stamp_ns) for key, item in self._streams.items() if item.is_latched}
+        stamps_ns = {key: stamp_ns + self._leads_ns.get(key, 0) for key, stamp_ns in frame.stamps_ns.items()}
         return replace(
             frame,
             values={**frame.values, **{key: value for key, (value, _) in found.items()}},
-            stamps_ns={**frame.stamps_ns, **{key: stamp_ns for key, (_, stamp_ns) in found.items()}},
+            stamps_ns={**stamps_ns, **{key: stamp_ns for key, (_, stamp_ns) in found.items()}},
         )
 
     def _find_lost(self, now_ns: int) -> None:
@@ -144,9 +149,8 @@ def _phase_ns(streams: Collection[Stream], period_ns: int) -> int:
             phases.append(round(cmath.phase(mean) / turn) % period_ns)
     # the middle of the shortest arc that holds them all
     phases.sort()
-    gaps = [
-        (after - before) % period_ns for before, after in zip(phases, phases[1:] + phases[:1], strict=True)
-    ]
+    following = [*phases[1:], *(first + period_ns for first in phases[:1])]
+    gaps = [after - before for before, after in zip(phases, following, strict=True)]
     if len(phases) < 2:
         return phases[0] if phases else 0
     widest = gaps.index(max(gaps))

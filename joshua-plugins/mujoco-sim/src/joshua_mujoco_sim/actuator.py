@@ -90,7 +90,8 @@ class SimActuator(Actuator):
             position, velocity, force = self._angles(group), group.velocity_rad_s, group.torque
             if self._demonstrator is not None:
                 position = self._sign * (self._demonstrator.goal - self._zero)
-        return JointReading(self._stamps.now_ns(), position, self._sign * velocity, self._sign * force)
+            stamp_ns = self._stamps.now_ns()  # no step may come between the values and their time
+        return JointReading(stamp_ns, position, self._sign * velocity, self._sign * force)
 
     def enable(self) -> None:
         """Enable the torque of all joints at their present positions."""

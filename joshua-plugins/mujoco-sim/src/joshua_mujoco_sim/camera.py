@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import threading
 from typing import Any
 
@@ -53,7 +54,7 @@ class SimCamera(Sensor):
         self._taken = (0, 0)
         self._drawing = self._late = False
         self._error = ""
-        self._next_s = 0.0
+        self._due_at = 0
         self._frame = 0
         self._last_time_s = 0.0
         self._stamps = self.context.clock
@@ -81,7 +82,8 @@ class SimCamera(Sensor):
         except ModelError as error:
             raise DeviceError(str(error)) from error
         with world.lock:
-            self._next_s = self._last_time_s = world.physics.time_s
+            self._last_time_s = world.physics.time_s
+            self._due_at = self._due_from(self._last_time_s)
         self._world, self._frame, self._newest, self._error = world, 0, None, ""
         self._renderer, self._drawing, self._late = None, False, False
         self._leaving.clear()
@@ -165,23 +167,27 @@ class SimCamera(Sensor):
     def _watch(self, physics: Physics) -> None:
         """Capture a frame at its exact simulated time, or as soon as the previous one is drawn.
 
-        A time reset restarts the sequence.
+        Frames are due at whole multiples of their period, so that cameras of one rate, and a demonstrator
+        of that rate, have the same moments.
         """
         now_s = physics.time_s
         if now_s < self._last_time_s:
-            self._next_s = now_s
+            self._due_at = self._due_from(now_s)
         self._last_time_s = now_s
-        if now_s + 1e-9 >= self._next_s:
-            period_s = 1 / self.settings.fps
-            frames = max(1, int((now_s - self._next_s) / period_s + 1e-9) + 1)
-            self._next_s += period_s * frames
-            self._frame += frames
+        if (following := self._due_from(now_s, after=True)) > self._due_at:
+            self._frame += following - self._due_at
+            self._due_at = following
             self._late = True
         if self._late and not self._drawing and self._renderer is not None:
             self._late, self._drawing = False, True
             self._renderer.look(physics.data)
             self._taken = (self._stamps.now_ns(), self._frame)
             self._due.set()
+
+    def _due_from(self, time_s: float, *, after: bool = False) -> int:
+        """Return the number of the first frame at a time or later, or after it, in periods from time 0."""
+        periods = time_s * self.settings.fps
+        return math.floor(periods + 1e-6) + 1 if after else math.ceil(periods - 1e-6)
 
     def _camera_info(self, reading: Reading, frame_id: str) -> Any:
         assert self._world is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Annotated, Any
@@ -11,7 +12,7 @@ import numpy as np
 from joshua.api import RefusedError, verb
 from pydantic import Field
 
-from joshua_mujoco_sim.envs.experts import EXPERTS
+from joshua_mujoco_sim.envs.experts import AFTER_STEPS, EXPERTS
 from joshua_mujoco_sim.envs.state import FloatArray, IntArray, SingleState
 from joshua_mujoco_sim.envs.tasks import TASKS
 from joshua_mujoco_sim.envs.terms import Evaluator
@@ -23,10 +24,6 @@ SETTLE_S, LONGEST_SETTLE_S = 0.6, 3.0
 
 #: Distance from the start at which the follower has settled.
 SETTLED_RAD = 0.02
-
-#: Steps that a demonstration goes on after its success. A policy that has seen only the first steps of an arm
-#: that leaves a placed cube stops there, before it has let go.
-AFTER_STEPS = 10
 
 _ONLY = np.zeros(1, np.int64)
 
@@ -100,7 +97,9 @@ class Demonstrator:
                 raise RefusedError(f"the demonstrator is {self._phase}: set a scene, and wait for ready")
             self._expert.reset()
             self._phase, self._steps, self._after = "showing", 0, 0
-            self._next_s = self._state.data.time
+            # at the moments of a camera of its rate, so that each goal follows from what a picture shows
+            periods = math.ceil(self._state.data.time / self._period_s - 1e-6)
+            self._next_s = periods * self._period_s
         return "showing"
 
     @verb(moves=False)

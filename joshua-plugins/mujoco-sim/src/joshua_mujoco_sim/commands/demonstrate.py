@@ -7,6 +7,7 @@ the recorder of that run records it.
 from __future__ import annotations
 
 import argparse
+import itertools
 import sys
 import time
 from pathlib import Path
@@ -164,16 +165,19 @@ class Recorder:
         return int(self._writer.episodes)
 
     def episode(self, expert: Any, seed: int, task: str) -> bool:
-        """Run one episode and write it if it succeeds. Raises EpisodeError."""
+        """Run one episode to some steps after its success, else drop it. Raises EpisodeError."""
         import numpy as np
         from joshua.features import ACTION, STATE, Frame
+
+        from joshua_mujoco_sim.envs.experts import AFTER_STEPS
 
         environment, state = self._environment, self._environment.state
         environment.reset(seed=seed)
         expert.scatter(seed)
         expert.reset()
         observation, info = environment.observe()
-        for step in range(environment.task.max_steps):
+        succeeded, last = False, environment.task.max_steps - 1
+        for step in itertools.count():
             frame: dict[str, Any] = {STATE: state.qpos[0, :6].astype(np.float32)}
             frame |= {key: observation[name] for name, key in self._cameras.items()}
             frame |= {f"info.{key}": value.astype(np.float32) for key, value in info["objects"].items()}
@@ -187,13 +191,15 @@ class Recorder:
                 for name, value in info["reward_terms"].items()
             }
             self._writer.add_frame(Frame(round(step * 1e9 / self.fps), frame))
-            if terminated:
+            if success and not succeeded:
+                succeeded, last = True, step + AFTER_STEPS
+            if step >= last or (terminated and not succeeded):
                 break
-        if success:
+        if succeeded:
             self._writer.end_episode(task)
         else:
             self._writer.drop_episode()
-        return bool(success)
+        return succeeded
 
     def close(self) -> None:
         """Close the data set."""

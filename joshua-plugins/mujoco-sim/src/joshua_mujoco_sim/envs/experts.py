@@ -8,9 +8,21 @@ from typing import Any, Protocol
 import numpy as np
 
 from joshua_mujoco_sim.envs import arm_terms as arm
-from joshua_mujoco_sim.envs import recoveries as errors
 from joshua_mujoco_sim.envs.kinematics import BASE_Y_M, REACHING, Kinematics, radial
-from joshua_mujoco_sim.envs.recoveries import LooseCube
+from joshua_mujoco_sim.envs.recoveries import (
+    BESIDE_GOAL,
+    BESIDE_GOAL_M,
+    MISSED_DOWN_STEPS,
+    MISSED_M,
+    MISSED_STEPS,
+    MISSES,
+    PUSHED,
+    SLIPS,
+    START_BESIDE_M,
+    START_HIGH_M,
+    START_LOW_M,
+    LooseCube,
+)
 from joshua_mujoco_sim.envs.single import TermEnv
 from joshua_mujoco_sim.envs.state import FloatArray
 
@@ -33,11 +45,12 @@ HOVER_M, CARRY_M = 0.035, 0.028
 #: and aside, so that the open jaws are equally far from it.
 GRASP_M, SIDE_M = 0.010, 0.009
 
-#: Steps in which a grasp beside the cube goes down before the jaws close.
-MISS_DOWN_STEPS = 8
-
 #: A cube this near to the goal stays there.
 AT_GOAL_M = 0.014
+
+#: Steps that a demonstration goes on after its success. A policy that has seen only the first steps of an arm
+#: that leaves a placed cube stops there, before it has let go.
+AFTER_STEPS = 10
 
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -119,7 +132,7 @@ class _ArmExpert:
     def _err(self, chance: np.random.Generator) -> None:
         """Bring about a state that follows an error: the arm is anywhere, with the jaws at any opening."""
         radius, angle = chance.uniform(0.16, 0.28), chance.uniform(-0.9, 0.9)
-        height = chance.uniform(errors.START_LOW_M, errors.START_HIGH_M)
+        height = chance.uniform(START_LOW_M, START_HIGH_M)
         place = np.array([radius * np.sin(angle), BASE_Y_M - radius * np.cos(angle), height])
         self._put(
             place, self._closing_line() + chance.uniform(-0.8, 0.8), chance.uniform(CLOSED_RAD, OPEN_RAD)
@@ -135,7 +148,7 @@ class _ArmExpert:
             state.qvel[0] = 0.0
             state.ctrl[0] = state.qpos[0, :6]
             state.forward(_ONLY)
-            if target[2] > errors.START_HIGH_M or not self._touches():
+            if target[2] > START_HIGH_M or not self._touches():
                 break
             target = target + 0.004 * _UP
 
@@ -259,19 +272,17 @@ class PickPlaceExpert(_ArmExpert):
     def _err(self, chance: np.random.Generator) -> None:
         """Bring about a state that follows an error: cube, arm or both are elsewhere."""
         self._disturbed = self._disturb(np.random.default_rng(chance.integers(2**32)))
-        if chance.random() < errors.PUSHED:
-            self._cube.lay(chance, beside_goal=chance.random() < errors.BESIDE_GOAL)
+        if chance.random() < PUSHED:
+            self._cube.lay(chance, beside_goal=chance.random() < BESIDE_GOAL)
             self._state.forward(_ONLY)
         if chance.random() < 0.5:
             super()._err(chance)
-        elif chance.random() < errors.MISSES:
+        elif chance.random() < MISSES:
             self._miss(chance)
         else:
             # low and beside the cube, where a policy ends that has misjudged its place
-            away, angle = chance.uniform(0.0, errors.START_BESIDE_M), chance.uniform(-np.pi, np.pi)
-            height = (
-                errors.START_LOW_M - arm.HALF_CUBE_M + chance.triangular(0.0, 0.0, 0.7 * errors.START_HIGH_M)
-            )
+            away, angle = chance.uniform(0.0, START_BESIDE_M), chance.uniform(-np.pi, np.pi)
+            height = START_LOW_M - arm.HALF_CUBE_M + chance.triangular(0.0, 0.0, 0.7 * START_HIGH_M)
             place = self._cube.place + np.array([away * np.cos(angle), away * np.sin(angle), height])
             yaw = self._closing_line() + chance.uniform(-0.8, 0.8)
             self._put(place, yaw, chance.uniform(CLOSED_RAD, OPEN_RAD))
@@ -279,19 +290,19 @@ class PickPlaceExpert(_ArmExpert):
     def _miss(self, chance: np.random.Generator) -> None:
         """Grasp beside the cube, which the jaws may push or tilt."""
         state = self._state
-        missed, angle = chance.uniform(*errors.MISSED_M), chance.uniform(-np.pi, np.pi)
+        missed, angle = chance.uniform(*MISSED_M), chance.uniform(-np.pi, np.pi)
         place = self._cube.place + GRASP_M * _UP + missed * np.array([np.cos(angle), np.sin(angle), 0.0])
         yaw = self._grasp_angle()
         self._put(place, yaw, OPEN_RAD)
         before, time_s = (np.array(state.qpos), np.array(state.ctrl)), state.data.time
         joints = self._kinematics.solve(state.ctrl[0, :REACHING], place, yaw, rounds=60)
-        closing = chance.integers(*errors.MISSED_STEPS, endpoint=True)
-        for step in range(MISS_DOWN_STEPS + closing):
-            wanted = np.append(joints, OPEN_RAD if step < MISS_DOWN_STEPS else CLOSED_RAD)
+        closing = chance.integers(*MISSED_STEPS, endpoint=True)
+        for step in range(MISSED_DOWN_STEPS + closing):
+            wanted = np.append(joints, OPEN_RAD if step < MISSED_DOWN_STEPS else CLOSED_RAD)
             change = np.clip(wanted - state.ctrl[0], -arm.STEP_RAD, arm.STEP_RAD)
             state.ctrl[0] = np.clip(state.ctrl[0] + change, *self._limits)
             state.step(self._frame_skip)
-        if not self._cube.is_free(self._cube.place[:2], errors.BESIDE_GOAL_M[0]):
+        if not self._cube.is_free(self._cube.place[:2], BESIDE_GOAL_M[0]):
             state.qpos[:], state.ctrl[:] = before
             state.qvel[:] = 0.0
         state.data.time = time_s
@@ -304,7 +315,7 @@ class PickPlaceExpert(_ArmExpert):
         """
         state = self._state
         yield from self._cube.slide(chance)
-        if chance.random() >= errors.SLIPS:
+        if chance.random() >= SLIPS:
             return
         while not (
             np.linalg.norm(self._cube.place - state.site("gripper")[0]) < CLOSING_M

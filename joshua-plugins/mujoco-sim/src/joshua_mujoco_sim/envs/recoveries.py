@@ -15,8 +15,8 @@ from joshua_mujoco_sim.envs.state import FloatArray, SingleState
 START_LOW_M, START_HIGH_M, START_BESIDE_M = 0.015, 0.16, 0.06
 
 #: How often an episode begins after a grasp that missed; by how much it missed; for how many steps of 40 ms
-#: the jaws have closed.
-MISSES, MISSED_M, MISSED_STEPS = 0.5, (0.012, 0.035), (2, 14)
+#: it went down, and for how many the jaws have closed.
+MISSES, MISSED_M, MISSED_DOWN_STEPS, MISSED_STEPS = 0.5, (0.012, 0.035), 8, (2, 14)
 
 #: How often the cube lies elsewhere; distances from the arm's base, and angles from its front, at which it
 #: may lie, as far as the camera ``work`` sees it; how often beside the goal, and its distances from the goal.
