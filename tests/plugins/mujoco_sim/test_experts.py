@@ -218,3 +218,22 @@ def test_the_variant_for_accelerators_can_be_grasped() -> None:
                 break
         done += info["is_success"]
     assert done >= 9
+
+
+def test_the_cube_is_carried_to_the_goal_without_turning_back() -> None:
+    name = "joshua/SoArm100PickPlace-v0"
+    environment = make_environment(name, action_mode="absolute", disable_env_checker=True).unwrapped
+    expert: Any = EXPERTS[name](environment, seed=0)
+    turned = 0
+    for seed in range(30):
+        environment.reset(seed=seed)
+        expert.reset()
+        errors_m = []
+        for _ in range(environment.task.max_steps):
+            if environment.step(expert.act())[2]:
+                break
+            if environment.state.site("cube")[0, 2] > PLACED_M:  # lifted
+                errors_m.append((environment.state.site("goal")[0] - environment.state.site("cube")[0])[:2])
+        along_m = np.array(errors_m) @ errors_m[0] / np.linalg.norm(errors_m[0])
+        turned += bool(along_m.min() < -0.002)
+    assert turned <= 1

@@ -45,6 +45,10 @@ HOVER_M, CARRY_M = 0.035, 0.028
 #: and aside, so that the open jaws are equally far from it.
 GRASP_M, SIDE_M = 0.010, 0.009
 
+#: Share of the cube's distance to the goal that one step corrects. The cube lags behind the goals of the
+#: servos: with all of it, the arm carries the cube back and forth across the goal.
+CARRY_GAIN = 0.5
+
 #: A cube this near to the goal stays there.
 AT_GOAL_M = 0.014
 
@@ -252,7 +256,8 @@ class PickPlaceExpert(_ArmExpert):
         if error > 0.02 and height < 0.4 * CARRY_M:
             return self._to(self._at + CARRY_M * _UP, CLOSED_RAD, self._line)
         wanted = CARRY_M * min(1.0, max(0.0, error - 0.004) / 0.012)
-        return self._to(self._at + way + (wanted - height) * _UP, CLOSED_RAD, radial(self._at))
+        to_goal = CARRY_GAIN * way + (wanted - height) * _UP
+        return self._to(self._at + to_goal, CLOSED_RAD, radial(self._at))
 
     def _holds(self) -> bool:
         """Return whether the jaws are closed on the cube."""
