@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from joshua.testing.program import JoshuaProgram
+from joshua.tools import RunningSystem
 from joshua_dataset.reader import Dataset
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -46,9 +49,17 @@ def test_an_expert_shows_a_task_to_the_recorder(joshua_run: JoshuaProgram, tmp_p
     while shown.returncode != 0 and time.monotonic() < until_s and run.poll() is None:
         time.sleep(0.5)  # the run is not there yet, or has no message of a camera yet
         shown = joshua_run("demonstrate", "--run", "--episodes", "1")
+    (system,) = RunningSystem.all(joshua_run.environment)
+    other = os.open(system.path, os.O_RDONLY)
+    fcntl.flock(other, fcntl.LOCK_EX)  # as another command does while it shows episodes
+    refused = joshua_run("demonstrate", "--run")
+    os.close(other)
     said, errors = joshua_run.stop(run)
     assert shown.returncode == 0, shown.stderr + said + errors
     assert "episode 1 of 1\n1 episodes recorded" in shown.stdout
+    assert refused.returncode == 1
+    assert "another `joshua demonstrate --run` shows episodes to process" in refused.stderr
+    assert "wait until it ends, or stop it with Ctrl-C" in refused.stderr
     recorded = Dataset.read(folder)
     first = next(iter(recorded.episode_list()))
     assert sorted(first.pictures) == ["observation.images.work", "observation.images.wrist"]

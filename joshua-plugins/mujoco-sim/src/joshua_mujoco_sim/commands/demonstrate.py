@@ -7,9 +7,13 @@ the recorder of that run records it.
 from __future__ import annotations
 
 import argparse
+import fcntl
 import itertools
+import os
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -257,14 +261,15 @@ def _show(arguments: argparse.Namespace) -> int:
                 else "no run has a simulation and a recorder: start one, such as "
                 "`joshua --config data_store_demonstrations.pbtxt`, then run this in another terminal",
             )
-        while kept < arguments.episodes and in_a_row < MOST_FAILED:
-            if _one(systems[0], seed, patience_s=FIRST_MESSAGES_S if seed == arguments.seed else 0.0):
-                kept, in_a_row = kept + 1, 0
-                sys.stdout.write(f"episode {kept} of {arguments.episodes}\n")
-                sys.stdout.flush()
-            else:
-                failed, in_a_row = failed + 1, in_a_row + 1
-            seed += 1
+        with _alone(systems[0]):
+            while kept < arguments.episodes and in_a_row < MOST_FAILED:
+                if _one(systems[0], seed, patience_s=FIRST_MESSAGES_S if seed == arguments.seed else 0.0):
+                    kept, in_a_row = kept + 1, 0
+                    sys.stdout.write(f"episode {kept} of {arguments.episodes}\n")
+                    sys.stdout.flush()
+                else:
+                    failed, in_a_row = failed + 1, in_a_row + 1
+                seed += 1
     except CallError as error:
         sys.stderr.write(f"joshua demonstrate: {error}\n")
         return ExitCode.FAILED
@@ -273,6 +278,29 @@ def _show(arguments: argparse.Namespace) -> int:
     lost = f"; {failed} that failed are left out" if failed else ""
     sys.stdout.write(f"{kept} episodes recorded{lost}\n")
     return ExitCode.OK if kept == arguments.episodes else ExitCode.FAILED
+
+
+@contextmanager
+def _alone(system: Any) -> Iterator[None]:
+    """Keep other commands from showing scenes to the same run. Raises CallError."""
+    from joshua.tools import CallError
+
+    try:
+        descriptor = os.open(system.path, os.O_RDONLY)
+    except OSError as error:
+        raise CallError("unreachable", f"{system.name} has ended") from error
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise CallError(
+                "refused",
+                f"another `joshua demonstrate --run` shows episodes to {system.name}: wait until it ends, or "
+                "stop it with Ctrl-C",
+            ) from error
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _one(system: Any, seed: int, patience_s: float) -> bool:
