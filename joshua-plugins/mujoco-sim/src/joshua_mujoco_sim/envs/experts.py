@@ -41,6 +41,11 @@ STEP_M, TURN_RAD = 0.01, 0.1
 #: Height of the grip above the place where it grasps, and of the cube above the table while it is carried.
 HOVER_M, CARRY_M = 0.035, 0.028
 
+#: Distances beside the cube: nearer than the first, the grip goes all the way down and closes; farther away
+#: than the second, it hovers. Pictures show a place to 7 mm or so: a policy whose expert went down at 4 mm
+#: hovered where it could not tell.
+DOWN_M, HOVERS_M = 0.014, 0.026
+
 #: Place of the grip when it grasps: above the centre of the cube, so that the jaws stay clear of the table,
 #: and aside, so that the open jaws are equally far from it.
 GRASP_M, SIDE_M = 0.010, 0.009
@@ -238,10 +243,10 @@ class PickPlaceExpert(_ArmExpert):
         aside = SIDE_M * np.array([np.cos(yaw), np.sin(yaw), 0.0])
         way = cube + GRASP_M * _UP + aside - self._at
         error = float(np.hypot(*way[:2])) + 0.03 * abs(yaw - self._line)
-        if error < 0.008 and abs(way[2]) < 0.012:
+        if error < DOWN_M and abs(way[2]) < 0.012:
             return self._to(self._at + way, CLOSED_RAD, yaw)
         # down along a funnel: the nearer to the cube, the lower, with the jaws open
-        above = HOVER_M * min(1.0, max(0.0, error - 0.004) / 0.012)
+        above = HOVER_M * min(1.0, max(0.0, error - DOWN_M) / (HOVERS_M - DOWN_M))
         if jaw < 0.8 * OPEN_RAD:
             above = max(above, min(HOVER_M, -float(way[2])))
         return self._to(self._at + way + above * _UP, OPEN_RAD, yaw)
