@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -240,39 +241,50 @@ def test_the_cube_is_carried_to_the_goal_without_turning_back() -> None:
 
 
 class Shifted:
-    """A state whose cube seems to be elsewhere."""
+    """A state whose cube and goal seem to be elsewhere."""
 
     def __init__(self, state: Any) -> None:
-        self._state, self.by_m = state, np.zeros(3)
+        self._state = state
+        self.by_m = {"cube": np.zeros(3), "goal": np.zeros(3)}
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._state, name)
 
     def site(self, name: str) -> Any:
-        return self._state.site(name) + (self.by_m if name == "cube" else 0.0)
+        return self._state.site(name) + self.by_m.get(name, 0.0)
 
 
 class Unsure(PickPlaceExpert):
-    """Does what a policy learns that cannot tell the cube's place exactly: the median of the goals."""
+    """Does what a policy learns that cannot tell the places exactly: the median of the goals."""
 
     def __init__(self, environment: TermEnv, error_m: float) -> None:
         super().__init__(environment)
         self._state: Any = Shifted(self._state)
-        self._error_m, self._errors, self._bias = error_m, np.random.default_rng(0), np.zeros(2)
+        self._error_m, self._chances = error_m, np.random.default_rng(0)
+        self._bias = self._errors()
 
-    def reset(self) -> None:
-        super().reset()
-        if isinstance(self._state, Shifted):
-            self._bias = self._error_m * self._errors.standard_normal(2)
+    def begin(self) -> None:
+        self.reset()
+        self._bias = self._errors()
+
+    def _errors(self) -> Any:
+        return self._error_m * self._chances.standard_normal((2, 2)) @ np.eye(2, 3)
 
     def _fetch(self) -> Any:
+        return self._median(super()._fetch, "cube", "goal")
+
+    def _carry(self) -> Any:
+        return self._median(super()._carry, "goal")  # the jaws hold the cube
+
+    def _median(self, act: Callable[[], Any], *unsure: str) -> Any:
         at, line, goals, lines = self._at, self._line, [], []
         for _ in range(5):
             self._at, self._line = at, line
-            self._state.by_m = np.append(self._bias + self._error_m * self._errors.standard_normal(2), 0.0)
-            goals.append(super()._fetch())
+            seen = dict(zip(("cube", "goal"), self._bias + self._errors(), strict=True))
+            self._state.by_m = {name: seen[name] for name in unsure}
+            goals.append(act())
             lines.append(self._line)
-        self._state.by_m = np.zeros(3)
+        self._state.by_m = {}
         self._line = float(np.median(lines))
         return np.median(goals, axis=0)
 
@@ -285,8 +297,8 @@ def test_the_demonstrator_decides_nothing_that_takes_more_precision_than_picture
     succeeded = 0
     for seed in range(8):
         environment.reset(seed=seed)
-        expert.reset()
-        for _ in range(100):
+        expert.begin()
+        for _ in range(environment.task.max_steps):
             *_, terminated, _, info = environment.step(expert.act())
             if terminated:
                 break

@@ -42,9 +42,11 @@ STEP_M, TURN_RAD = 0.01, 0.1
 HOVER_M, CARRY_M = 0.035, 0.028
 
 #: Distances beside the cube: nearer than the first, the grip goes all the way down and closes; farther away
-#: than the second, it hovers. Pictures show a place to 7 mm or so: a policy whose expert went down at 4 mm
+#: than the second, it hovers. Then those of the cube from the goal: nearer, it is put down and released;
+#: farther away, it is lifted. Pictures show a place to 7 mm or so: a policy whose expert went down at 4 mm
 #: hovered where it could not tell.
 DOWN_M, HOVERS_M = 0.014, 0.026
+RELEASE_M, LIFTED_M = 0.012, 0.024
 
 #: Place of the grip when it grasps: above the centre of the cube, so that the jaws stay clear of the table,
 #: and aside, so that the open jaws are equally far from it.
@@ -256,11 +258,11 @@ class PickPlaceExpert(_ArmExpert):
         cube, goal = self._state.site("cube")[0], self._state.site("goal")[0]
         way = (goal - cube) * (1.0, 1.0, 0.0)
         error, height = float(np.hypot(*way[:2])), float(cube[2]) - arm.HALF_CUBE_M
-        if error < 0.010 and height < 0.008:
+        if error < RELEASE_M and height < 0.008:
             return self._to(self._at + (0.001 - height) * _UP, OPEN_RAD, self._line)
-        if error > 0.02 and height < 0.4 * CARRY_M:
+        if error > LIFTED_M and height < 0.4 * CARRY_M:
             return self._to(self._at + CARRY_M * _UP, CLOSED_RAD, self._line)
-        wanted = CARRY_M * min(1.0, max(0.0, error - 0.004) / 0.012)
+        wanted = CARRY_M * min(1.0, max(0.0, error - RELEASE_M) / (LIFTED_M - RELEASE_M))
         to_goal = CARRY_GAIN * way + (wanted - height) * _UP
         return self._to(self._at + to_goal, CLOSED_RAD, radial(self._at))
 
