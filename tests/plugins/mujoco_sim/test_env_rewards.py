@@ -59,7 +59,7 @@ def hold(environment: Any, expert: Any) -> Any:
     if "cube" not in environment.task.objects:
         return np.zeros(6)
     way = (state.site("cube") - state.site("goal"))[0]
-    if np.hypot(*way[:2]) < 0.015 and way[2] > 0.01:
+    if np.hypot(*way[:2]) < 0.02 and way[2] > 0.01:
         memory["there"] = np.ones(1)
     return np.zeros(6) if "there" in memory else expert.act()
 
