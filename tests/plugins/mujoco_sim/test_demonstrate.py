@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from joshua.cli.main import main
+from joshua.tools import CallError
 from joshua_mujoco_sim.commands import demonstrate
 from joshua_mujoco_sim.envs import make_environment
 from joshua_mujoco_sim.envs.experts import AFTER_STEPS, EXPERTS
@@ -81,3 +83,12 @@ def test_what_cannot_be_recorded_is_said(tmp_path: Path, capsys: pytest.CaptureF
         with pytest.raises(SystemExit):
             main(["demonstrate", "SoArm100Reach-v0", str(tmp_path / "c"), "--recoveries", share])
         assert f"{share!r}: expected a share from 0 to 1, such as 0.5" in capsys.readouterr().err
+
+
+def test_a_run_that_has_just_ended_is_named(tmp_path: Path) -> None:
+    system = SimpleNamespace(path=tmp_path / "gone", name="process 1, which runs demos.pbtxt")
+    with (
+        pytest.raises(CallError, match=r"process 1, which runs demos\.pbtxt, has ended: start it again"),
+        demonstrate._alone(system),
+    ):
+        raise AssertionError("no run is there")

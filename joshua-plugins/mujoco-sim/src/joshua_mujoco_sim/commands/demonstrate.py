@@ -288,7 +288,7 @@ def _alone(system: Any) -> Iterator[None]:
     try:
         descriptor = os.open(system.path, os.O_RDONLY)
     except OSError as error:
-        raise CallError("unreachable", f"{system.name} has ended") from error
+        raise CallError("unreachable", f"{system.name}, has ended: start it again") from error
     try:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
