@@ -57,13 +57,12 @@ def errors(path: Path) -> list[Any]:
 
 @pytest.mark.parametrize("arm", ["--emulate", "--sim"])
 def test_marked_episodes_of_an_arm_become_a_report(joshua: JoshuaProgram, tmp_path: Path, arm: str) -> None:
-    run = joshua.start("--config", str(write(tmp_path)), arm, "--duration", "300")
-    assert run.stdout is not None
-    assert any(" ready after " in line for line in run.stdout)
-    assert (figures(joshua)["chunks"], figures(joshua)["state"]) == (0, "paused")
-    for mark in ("failure", "success"):
-        play(joshua, mark)
-    said = run.communicate(timeout=60)[0]
+    with run_judged(joshua, write(tmp_path), arm) as run:
+        run.wait("ready after", timeout_s=300)
+        assert (figures(joshua)["chunks"], figures(joshua)["state"]) == (0, "paused")
+        for mark in ("failure", "success"):
+            play(joshua, mark)
+        said = run.end()[1]
     assert "2 episodes: success 0.50, " in said
     (folder,) = (tmp_path / "runs").glob("eval-robot-*")
     results = json.loads((folder / "results.json").read_text())
@@ -87,13 +86,12 @@ def test_two_checkpoints_play_each_start_in_an_order_that_nobody_is_told(
     joshua: JoshuaProgram, tmp_path: Path
 ) -> None:
     path = write(tmp_path, 'compare_with: "policy-6"', cameras=("front",))
-    run = joshua.start("--config", str(path), "--emulate", "--duration", "300")
-    assert run.stdout is not None
-    assert any(" ready after " in line for line in run.stdout)
     marks = ["success", "failure", "failure", "success"]
-    for mark in marks:
-        play(joshua, mark)
-    said = run.communicate(timeout=60)[0]
+    with run_judged(joshua, path) as run:
+        run.wait("ready after", timeout_s=300)
+        for mark in marks:
+            play(joshua, mark)
+        said = run.end()[1]
     assert "policy-6" not in said
     (folder,) = (tmp_path / "runs").glob("eval-robot-*")
     results = json.loads((folder / "results.json").read_text())

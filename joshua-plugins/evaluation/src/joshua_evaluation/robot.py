@@ -215,8 +215,8 @@ class Robot:
         if len(self._models) != 1:
             names = " and ".join(self._models)
             raise RunError(f"{names} would get the same weights: keep one model in the file")
-        try:
-            self._system().call(self._models[0], verb, request, timeout_s=timeout_s)
+        try:  # the nodes become active in no order: one that has not yet is waited for
+            self._system().call(self._models[0], verb, request, timeout_s=timeout_s, start=True)
         except CallError as error:
             raise RunError(str(error)) from error
 
