@@ -55,13 +55,19 @@ def errors(path: Path) -> list[Any]:
     return list(examine(Request(str(path), purpose=Purpose.VALIDATE)).errors)
 
 
+def heard(joshua: JoshuaProgram) -> float:
+    """Rate at which the evaluation receives states of the arm, in Hz."""
+    return float(states(joshua)["/training"]["received_hz"].get("/arm/joint_states", 0.0))
+
+
 @pytest.mark.parametrize("arm", ["--emulate", "--sim"])
 def test_marked_episodes_of_an_arm_become_a_report(joshua: JoshuaProgram, tmp_path: Path, arm: str) -> None:
     with run_judged(joshua, write(tmp_path), arm) as run:
         run.wait("ready after", timeout_s=300)
         assert (figures(joshua)["chunks"], figures(joshua)["state"]) == (0, "paused")
+        eventually(lambda: heard(joshua) > 0, "states of the arm")
         for mark in ("failure", "success"):
-            play(joshua, mark)
+            play(joshua, mark, chunks=40)
         said = run.end()[1]
     assert "2 episodes: success 0.50, " in said
     (folder,) = (tmp_path / "runs").glob("eval-robot-*")
