@@ -51,7 +51,8 @@ class MujocoReadings:
         return self._twice(body.xpos), self._twice(body.xquat)
 
     def speed(self, name: str) -> torch.Tensor:
-        return self._twice(self._state.data.body(name).cvel)
+        first = int(self._state.model.joint(name).dofadr[0])
+        return self._twice(self._state.qvel[0, first : first + 6])
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from joshua_mujoco_sim.envs import TASKS, TermEnv, TermVectorEnv, make_environment
+from joshua_mujoco_sim.envs.arm_terms import HALF_CUBE_M, PLACED_M, REST_M_S
 from joshua_mujoco_sim.envs.experts import EXPERTS
 from joshua_mujoco_sim.plugin import ENVIRONMENTS
 
@@ -107,3 +108,19 @@ def test_losing_the_cube_never_pays() -> None:
     assert terminated
     assert info["ended_by"] == ["dropped"]
     assert reward < -10
+
+
+def test_a_cube_that_slides_across_the_goal_is_not_placed() -> None:
+    """The episode goes on until the cube rests; on the goal that is a success."""
+    environment = make_environment("joshua/SoArm100PickPlace-v0").unwrapped
+    state = environment.state
+    for speed_m_s, rests_there in ((0.6, False), (0.0, True)):
+        environment.reset(seed=0)
+        state.qpos[0, 6:9] = (*state.site("goal")[0, :2], HALF_CUBE_M)
+        state.qvel[0, 6] = speed_m_s
+        # the first step leaves a fast cube within the goal: it moves by no more than the goal's radius
+        state.mocap_pos[0, 0, 0] += 0.01 * (speed_m_s > 0.0)
+        *_, terminated, _, info = environment.step(np.zeros(6))
+        assert (np.linalg.norm(state.qvel[0, 6:9]) < REST_M_S) == rests_there
+        assert np.hypot(*(state.site("cube") - state.site("goal"))[0, :2]) < PLACED_M
+        assert (terminated, info["is_success"]) == (rests_there, rests_there)

@@ -27,6 +27,9 @@ REACHED_M, PLACED_M = 0.01, 0.02
 #: Distance between grip and cube from which the cube counts as released.
 LET_GO_M = 0.03
 
+#: Speed of the cube below which it counts as at rest, m/s.
+REST_M_S = 0.02
+
 
 def move_goals(state: State) -> Any:
     """Apply the action as a change of the goals, at most ``STEP_RAD`` per step, within joint ranges."""
@@ -127,9 +130,10 @@ def lifted(state: State, *, height_m: float) -> Any:
 
 def placed(state: State, *, radius_m: float) -> Any:
     """Return whether the cube rests on the goal and is released."""
+    slow = square_sum(state.qvel[:, 6:9]) < REST_M_S**2
     down = state.xp.abs(state.site("cube")[:, 2] - HALF_CUBE_M) < 0.004
     away = distance(state, first="gripper", second="cube") > LET_GO_M
-    return _beside(state, radius_m) & down & away
+    return _beside(state, radius_m) & down & slow & away
 
 
 def placed_reward(state: State, *, radius_m: float) -> Any:
