@@ -289,11 +289,11 @@ def test_a_streamed_data_set_teaches_the_same(
             assert (stream.folder / "meta/info.json").is_file()
             assert not list(stream.folder.rglob("*.mp4"))
             assert built.album.fill(lambda count: False)
-            assert not stream._blocks
+            assert not list(stream.videos.iterdir())
             streamed = built.learner(RunFolder(recording))
             assert rows(streamed) == expected
             assert not differ(weights(local), weights(streamed))
-            assert stream._blocks
+            assert list(stream.videos.iterdir())
             built.album.close()
             assert not stream.folder.exists()
     with pytest.raises(RunError, match=r"hf://datasets/me/none cannot be streamed: .*"):
@@ -314,7 +314,7 @@ def test_a_data_set_in_a_bucket_is_streamed_for_an_epoch(
         streamed = built.learner(RunFolder(recording))
         assert rows(streamed) == expected
         assert built.album._stream is not None
-        assert built.album._stream._blocks
+        assert list(built.album._stream.videos.iterdir())
         built.album.close()
         with pytest.raises(RunError, match=rf"{address}-none cannot be streamed: .*{address}-none"):
             build(settings(recording).model_copy(update={"dataset": f"{address}-none"}))

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import shutil
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -15,9 +18,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import remotes
+from joshua_dataset.cloud import bucket
 from joshua_dataset.cloud.copies import store_of
 from joshua_dataset.cloud.store import Tally
 from joshua_dataset.cloud.upload import upload
+from joshua_imitation import stream as streams
 from joshua_imitation.data import Recording, open_dataset
 from joshua_imitation.pictures import Album
 from joshua_training.run_folder import RunError
@@ -164,4 +169,78 @@ def test_a_stream_that_cannot_be_learned_from_is_named(
             streamed(images)
         with pytest.raises(RunError, match=r"layout v3\.0, csv: run `joshua dataset convert"):
             streamed(copied(recording, tmp_path / "csv", joshua={"format": "csv", "pictures": "video"}))
+    assert left(place) == []
+
+
+def test_a_stream_is_transferred_once_for_all_epochs_and_processes(
+    recording: Path, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (bucket, streams):
+        monkeypatch.setattr(module, "CHUNK", 1024)
+    size = sum(video.stat().st_size for video in recording.rglob("*.mp4"))
+    assert size > 3 * 1024
+    frames = np.concatenate([np.random.default_rng(epoch).permutation(32) for epoch in range(2)])
+    local = Album(read(recording), None, 0)
+    with remotes.KINDS["s3"]() as remote:
+        remotes.use(remote, monkeypatch)
+        upload(recording, store_of(f"{remote.url}/set"), Tally())
+        moved: list[int] = []
+
+        def streamed(shared: Path | None = None) -> Album:
+            dataset, stream = open_dataset(f"{remote.url}/set", shared)
+            assert stream is not None
+            chunks = stream._store.chunks
+
+            def counted(there: Any, start: int) -> Any:
+                for chunk in chunks(there, start):
+                    moved.append(len(chunk))
+                    yield chunk
+
+            monkeypatch.setattr(stream._store, "chunks", counted)
+            return Album(Recording(dataset, stream=stream), None, 0, shared)
+
+        album = streamed()
+        with ThreadPoolExecutor(4) as threads:
+            found = list(threads.map(lambda batch: album.get(TOP, batch), frames.reshape(-1, 4)))
+        assert (np.concatenate(found) == local.get(TOP, frames)).all()
+        assert sum(moved) <= 1.1 * size
+        moved.clear()
+        other = streamed(album.shared)  # as another process of the training does
+        assert (other.get(TOP, frames) == local.get(TOP, frames)).all()
+        assert moved == []
+        other.close()
+        assert album.shared is not None
+        assert any(album.shared.iterdir())
+        album.close()
+    assert left(place) == []
+
+
+def test_a_disk_without_room_for_the_videos_is_named(
+    recording: Path, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with remotes.KINDS["s3"]() as remote:
+        remotes.use(remote, monkeypatch)
+        address = f"{remote.url}/set"
+        upload(recording, store_of(address), Tally())
+        dataset, stream = open_dataset(address)
+        found = Recording(dataset, stream=stream)
+        used = shutil.disk_usage(place)
+        with monkeypatch.context() as full:
+            full.setattr(shutil, "disk_usage", lambda _: used._replace(free=60 << 20))
+            said = rf"videos of {address} take 1 MB, .* has 60 MB free, of which .*: free 5 MB there, or"
+            with pytest.raises(RunError, match=said):
+                Album(found, None, 0)
+        assert left(place) == []
+        dataset, stream = open_dataset(address)
+        album = Album(Recording(dataset, stream=stream), None, 0)
+
+        def refuse(*_: Any) -> None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        with monkeypatch.context() as full:
+            full.setattr(Path, "replace", refuse)
+            said = r"No space left on device: free some space, or set TMPDIR .*, and continue with resume_run"
+            with pytest.raises(RunError, match=said):
+                album.get(TOP, np.array([0]))
+        album.close()
     assert left(place) == []

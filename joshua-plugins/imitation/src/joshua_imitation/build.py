@@ -49,13 +49,13 @@ def build(
     settings: ImitationSettings,
     continued: Path | None = None,
     group: Group | None = None,
-    decoded: Path | None = None,
+    shared: Path | None = None,
 ) -> Built:
     """Build everything but the learner itself.
 
     Args:
         continued: checkpoint of the run to continue.
-        group: this process, if others started it; decoded: folder of the pictures of another process.
+        group: this process, if others started it; shared: folder of another process, see ``Album.shared``.
 
     Raises:
         RunError: data set, settings or checkpoint do not fit; LibraryMissing.
@@ -71,7 +71,7 @@ def build(
             raise unusable(continued, error.message) from error
     torch.manual_seed(settings.seed)
     with contextlib.ExitStack() as undo:
-        dataset, stream = open_dataset(settings.dataset)
+        dataset, stream = open_dataset(settings.dataset, shared)
         if stream is not None:
             undo.callback(stream.close)
         if continued is not None:
@@ -83,7 +83,7 @@ def build(
             else None
         )
         learned, kept_back = recording.split(settings.validation_share, settings.seed)
-        album = Album(recording, size, settings.picture_cache_mb, decoded)
+        album = Album(recording, size, settings.picture_cache_mb, shared)
         undo.callback(album.close)
         place = continued / POLICY if continued is not None else None
 

@@ -152,10 +152,13 @@ def _identity(info: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def open_dataset(place: str) -> tuple[Dataset, Stream | None]:
+def open_dataset(place: str, videos: Path | None = None) -> tuple[Dataset, Stream | None]:
     """Read the metadata of a data set: in a folder, on the hub by its id, or at an address that is streamed.
 
     LeRobot's loader fetches a data set that is named by its id.
+
+    Args:
+        videos: folder of the blocks of a stream that another process opened, None for one of its own.
 
     Raises:
         RunError: it does not exist, or cannot be read.
@@ -163,7 +166,7 @@ def open_dataset(place: str) -> tuple[Dataset, Stream | None]:
     if "://" not in place:
         folder = Path(place)
         return _read(folder if folder.is_dir() else _fetched(place)), None
-    stream = Stream(place)
+    stream = Stream(place, videos)
     try:
         return _read(stream.folder), stream
     except RunError:

@@ -177,7 +177,7 @@ class Crew:
 
     Args:
         settings: of the training; group: of this process; run: its folder.
-        album: folder of the decoded pictures, None without; continued: checkpoint, None for a new run.
+        album: folder that the album shares, None without; continued: checkpoint, None for a new run.
     """
 
     def __init__(

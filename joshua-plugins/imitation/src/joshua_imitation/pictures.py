@@ -96,10 +96,11 @@ class Album:
 
     Args:
         recording: whose; size: (height, width), None as recorded; room_mb: for decoded ones.
-        folder: of pictures that another process decodes, None if this one does.
+        shared: folder of another process, see below; None if this one decodes, or has a stream of its own.
 
     Attributes:
         sizes: by key; decoded: whether all are kept decoded; folder: of decoded ones, None without.
+        shared: folder that other processes can use: of the decoded pictures, or of the blocks of a stream.
     """
 
     def __init__(
@@ -107,7 +108,7 @@ class Album:
         recording: Recording,
         size: tuple[int, int] | None,
         room_mb: int,
-        folder: Path | None = None,
+        shared: Path | None = None,
     ) -> None:
         features = recording.dataset.features
         self.sizes: dict[str, tuple[int, int]] = {
@@ -127,13 +128,19 @@ class Album:
                 f"while they are read: set picture_cache_mb: {self.needed_mb}, or a smaller image_width"
             )
         self._stream = recording.stream
-        self._scratch = _room(needed) if self.decoded and folder is None else None
-        self.folder = self._scratch.path if self._scratch is not None else folder
+        others = shared if self._stream is None else None
+        self._scratch = _room(needed) if self.decoded and others is None else None
+        self.folder = self._scratch.path if self._scratch is not None else others
+        self.shared = self._stream.videos if self._stream is not None else self.folder
         self._stores: dict[str, PictureStore] = {}
         try:
             for index, (key, size) in enumerate(self.sizes.items()):
                 file = self.folder / f"{index}.raw" if self.folder is not None else None
-                self._stores[key] = PictureStore(recording, key, size, file, "w+" if folder is None else "r")
+                self._stores[key] = PictureStore(recording, key, size, file, "w+" if others is None else "r")
+            if self._stream is not None and shared is None:
+                self._stream.check_room(
+                    episode.pictures[key].path for episode in recording.episodes for key in recording.pictures
+                )
         except RunError:
             self.close()
             raise
@@ -144,11 +151,6 @@ class Album:
         if not self.decoded or self._stream is not None:
             return True
         return all(store.fill(told) for store in self._stores.values())
-
-    @property
-    def shared(self) -> Path | None:
-        """Folder of pictures that other processes can use; None if each decodes its own."""
-        return self.folder if self._stream is None else None
 
     def get(self, key: str, frames: Array) -> Array:
         """Return pictures of a camera, (…, H, W, 3) uint8."""

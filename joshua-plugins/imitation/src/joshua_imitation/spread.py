@@ -151,10 +151,10 @@ def _learn(settings: ImitationSettings, group: Group, path: Path, post: Post) ->
 def _built(
     settings: ImitationSettings, group: Group, continued: Path | None, ends: contextlib.ExitStack
 ) -> Built:
-    """Build the training; the first worker of a machine decodes the pictures for all there."""
+    """Build the training; the first worker of a machine keeps the pictures for all there."""
 
-    def built(decoded: Path | None = None) -> Built:
-        made = build(settings, continued, group, decoded)
+    def built(shared: Path | None = None) -> Built:
+        made = build(settings, continued, group, shared)
         ends.callback(made.album.close)
         return made
 

@@ -1,11 +1,17 @@
-"""Data sets on a remote: numbers are copied at the start, videos are read where a picture is wanted."""
+"""Data sets on a remote: numbers are copied at the start, videos are read where a picture is wanted.
+
+A block of a video that was read is kept on the disk until the end: pictures are wanted in random order, so
+that each block is wanted again in every epoch. The disk has to hold all videos that are learned from.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import io
+import shutil
+import tempfile
 import threading
-from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from joshua_dataset.cloud.address import AddressError
@@ -14,12 +20,14 @@ from joshua_dataset.cloud.download import download
 from joshua_dataset.cloud.errors import RemoteError
 from joshua_dataset.cloud.ledger import Digest
 from joshua_dataset.cloud.store import CHUNK, Outgoing, RemoteFile, Store, Tally
-from joshua_training.run_folder import RunError
+from joshua_training.run_folder import RunError, unwritable
 
 from joshua_imitation.scratch import Scratch
 
-#: Blocks of videos that are kept in memory.
-KEPT = 64
+MB = 1 << 20
+
+#: Free space that the videos leave on the disk, bytes.
+SPARE = 64 * MB
 
 
 class Stream:
@@ -27,21 +35,24 @@ class Stream:
 
     Args:
         address: such as ``hf://datasets/NAME/DATA``.
+        videos: folder of the blocks of another process of this machine; None to keep its own.
 
     Attributes:
-        address: its own; folder: with its metadata and numbers.
+        address: its own; folder: with its metadata and numbers; videos: blocks of videos, complete or absent.
 
     Raises:
         RunError: it cannot be read.
     """
 
-    def __init__(self, address: str) -> None:
-        self._blocks: OrderedDict[tuple[str, int], bytes] = OrderedDict()
+    def __init__(self, address: str, videos: Path | None = None) -> None:
         self._lock = threading.Lock()
+        self._fetching: dict[Path, threading.Lock] = {}
         self.address = address
         self._scratch = Scratch("joshua-stream")
         self.folder = self._scratch.path / "data"  # a copy begins in an empty folder
         self.folder.mkdir()
+        self.videos = videos or self._scratch.path / "videos"
+        self.videos.mkdir(exist_ok=True)
         try:
             self._store = store_of(address)
             self._there = self._store.listing()
@@ -49,6 +60,22 @@ class Stream:
         except (RemoteError, AddressError) as error:
             self.close()
             raise RunError(f"{address} cannot be streamed: {error}") from error
+
+    def check_room(self, paths: Iterable[Path]) -> None:
+        """Refuse videos that the disk has no space for. Raises RunError.
+
+        Args:
+            paths: of the videos, below ``folder``.
+        """
+        names = {path.relative_to(self.folder).as_posix() for path in paths}
+        size = sum(self._there[name].size for name in names if name in self._there)
+        free = shutil.disk_usage(self.videos).free
+        if free < size + SPARE:
+            raise RunError(
+                f"the videos of {self.address} take {-(-size // MB)} MB, and {self.videos.parent.parent} has "
+                f"{free // MB} MB free, of which {SPARE // MB} MB stay free: free "
+                f"{-(-(size + SPARE - free) // MB)} MB there, or set TMPDIR to another disk"
+            )
 
     def opened(self, path: Path) -> io.BufferedIOBase:
         """Open a video of the data set, by its path below ``folder``. Raises RunError."""
@@ -59,25 +86,44 @@ class Stream:
             )
         return _Video(self, self._there[name])
 
-    def block(self, there: RemoteFile, number: int) -> bytes:
-        """Return a block of ``CHUNK`` bytes of a file. Raises RunError."""
-        key = (there.name, number)
-        with self._lock:
-            if (found := self._blocks.get(key)) is not None:
-                self._blocks.move_to_end(key)
-                return found
+    def part(self, there: RemoteFile, offset: int, size: int) -> bytes:
+        """Return bytes of a file, at most to the end of the block of ``CHUNK`` bytes. Raises RunError."""
+        number, start = divmod(offset, CHUNK)
+        name = hashlib.sha256(f"{there.name}\n{there.state}\n{number}".encode()).hexdigest()
+        path = self.videos / name
+        if not path.exists():
+            with self._lock:
+                fetching = self._fetching.setdefault(path, threading.Lock())
+            with fetching:  # another thread that wants the block waits for it
+                if not path.exists():
+                    self._keep(self._fetched(there, number * CHUNK), path)
+        with path.open("rb", buffering=0) as block:
+            block.seek(start)
+            return block.read(size)
+
+    def _fetched(self, there: RemoteFile, start: int) -> bytes:
+        def fetch() -> bytes:
+            found = next(iter(self._store.chunks(there, start)), b"")
+            if len(found) != min(CHUNK, there.size - start):
+                raise RemoteError(f"{there.name} ended at {start + len(found)} bytes", transient=True)
+            return found
+
         try:
-            found = Tally().patiently(lambda: next(iter(self._store.chunks(there, number * CHUNK)), b""))
+            return Tally().patiently(fetch)
         except RemoteError as error:
             raise RunError(f"{there.name} cannot be streamed: {error}: continue with resume_run") from error
-        with self._lock:
-            self._blocks[key] = found
-            while len(self._blocks) > KEPT:
-                self._blocks.popitem(last=False)
-        return found
+
+    def _keep(self, block: bytes, path: Path) -> None:
+        try:
+            with tempfile.NamedTemporaryFile(prefix=".", dir=self.videos, delete=False) as draft:
+                draft.write(block)
+            Path(draft.name).replace(path)  # other processes find it when it is complete
+        except OSError as error:
+            then = ", or set TMPDIR to another disk, and continue with resume_run"
+            raise unwritable(self.videos, error, then) from error
 
     def close(self) -> None:
-        """Remove the copied numbers."""
+        """Remove the copied numbers, and the blocks of videos that are its own."""
         self._scratch.close()
 
 
@@ -105,8 +151,7 @@ class _Video(io.BufferedIOBase):
         wanted = left if size is None or size < 0 else min(size, left)
         parts = []
         while wanted > 0:
-            number, offset = divmod(self._at, CHUNK)
-            part = self._stream.block(self._there, number)[offset : offset + wanted]
+            part = self._stream.part(self._there, self._at, wanted)
             if not part:
                 break
             parts.append(part)
