@@ -5,9 +5,12 @@ It talks with the node of the trainer over a socket that it inherits, in lines o
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import sys
+import traceback
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,17 +28,23 @@ def main(arguments: list[str]) -> int:
     job = channel.receive()
     if job is None:
         return 0
+    with contextlib.ExitStack() as ends, _reporting(channel, job):
+        _work(channel, job, ends)
+    return 0
+
+
+@contextlib.contextmanager
+def _reporting(channel: Channel, job: dict[str, Any]) -> Iterator[None]:
+    """Send the reason of a failure, before anything is closed: Isaac Sim ends the process when it closes."""
     try:
-        _work(channel, job)
+        yield
     except RunError as error:
         channel.send({"error": str(error), "exit_code": error.exit_code})
-    except Exception as error:
-        if type(error).__name__ == "OutOfMemoryError":
-            channel.send({"error": out_of_memory(job), "exit_code": 1})
-        else:
-            channel.send({"error": f"{type(error).__name__}: {error}", "exit_code": 1})
-            raise
-    return 0
+    except Exception as error:  # noqa: BLE001 (raised again, it would be lost when Isaac Sim closes)
+        traceback.print_exc()
+        full = type(error).__name__ == "OutOfMemoryError"
+        said = out_of_memory(job) if full else f"{type(error).__name__}: {error}"
+        channel.send({"error": said, "exit_code": 1})
 
 
 def out_of_memory(job: dict[str, Any]) -> str:
@@ -47,19 +56,17 @@ def out_of_memory(job: dict[str, Any]) -> str:
     )
 
 
-def _work(channel: Channel, job: dict[str, Any]) -> None:
+def _work(channel: Channel, job: dict[str, Any], ends: contextlib.ExitStack) -> None:
     from isaaclab.app import AppLauncher
 
     app = AppLauncher({"headless": True, "device": job["device"]}).app
+    ends.callback(app.close)
     # from here on, the modules of Isaac Sim exist
     from joshua_isaac_trainer.lab import make_environment
 
     environment, task = make_environment(job, Path(job["folder"]))
-    try:
-        learn(channel, job, environment, task)
-    finally:
-        environment.close()
-        app.close()
+    ends.callback(environment.close)
+    learn(channel, job, environment, task)
 
 
 def learn(channel: Channel, job: dict[str, Any], environment: Any, task: Any) -> None:
