@@ -127,9 +127,12 @@ def test_what_a_task_varies_is_varied_in_isaac_lab(name: str) -> None:
         for key, value in event.parameters.items()
         if isinstance(value, tuple)
     }
+    damping = shown.pop("actuator_gains:damping_distribution_params")
+    servo, joint = 2.731, 0.60  # of which the task varies that of the joint
+    expected = tuple((servo + factor * joint) / (servo + joint) for factor in (0.7, 1.3))
+    assert damping == pytest.approx(expected)
     assert shown == {
         "actuator_gains:stiffness_distribution_params": (0.8, 1.2),
-        "actuator_gains:damping_distribution_params": (0.7, 1.3),
         "joint_parameters:friction_distribution_params": (0.5, 1.5),
         "rigid_body_material:static_friction_range": (0.7, 1.3),
         "rigid_body_material:dynamic_friction_range": (0.7, 1.3),
@@ -149,3 +152,9 @@ def test_what_isaac_lab_cannot_vary_is_refused(model) -> None:
     mass = ResetTerm("load", common.randomise, {"field": "body_mass", "low": 0.5, "high": 2.0})
     with pytest.raises(AssetError, match="Isaac Lab has no event for load of so_arm100/pick_place"):
         scene.randomisation(replace(task, randomisation=(mass,)), model)
+    (damping,) = (term for term in task.randomisation if term.name == "damping")
+    uneven = load_model("so_arm100/pick_place.xml")
+    uneven.joint("gripper").damping[0] = 0.1
+    said = "randomise: damping changes the damping of the drives by different factors, "
+    with pytest.raises(AssetError, match=said):
+        scene.randomisation(replace(task, randomisation=(damping,)), uneven)

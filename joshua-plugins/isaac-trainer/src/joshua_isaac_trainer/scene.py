@@ -10,7 +10,7 @@ import mujoco
 from joshua_mujoco_sim.envs import common_terms as common
 from joshua_mujoco_sim.envs.terms import Task
 
-from joshua_isaac_trainer.robot import AssetError, robot_bodies
+from joshua_isaac_trainer.robot import AssetError, drives, robot_bodies
 
 #: Distance between the copies of the scene, and the physics step that PhysX takes.
 SPACING_M, PHYSICS_S = 1.5, 0.005
@@ -106,6 +106,7 @@ def parts(model: mujoco.MjModel) -> list[Box]:
 def randomisation(task: Task, model: mujoco.MjModel) -> dict[str, Event]:
     """Return the events of ``randomise``, by name: what the task varies in MuJoCo, in the same ranges.
 
+    A drive of PhysX has the damping of the servo and of the joint in one; the task varies that of the joint.
     Servos, damping and dry friction change with each episode. PhysX takes friction of contacts from few
     materials, which the copies of the scene get once, at the start.
 
@@ -128,6 +129,8 @@ def randomisation(task: Task, model: mujoco.MjModel) -> dict[str, Event]:
             }
         elif field in _DRIVES:
             function, argument = _DRIVES[field]
+            if field == "dof_damping":
+                factors = _of_drives(model, term.name, factors)
             varied = {argument: factors, "operation": "scale"}
             found[term.name] = Event(function, "reset", "robot", {"joint_names": ".*"}, varied)
         else:
@@ -141,6 +144,26 @@ _DRIVES = {
     "dof_damping": ("randomize_actuator_gains", "damping_distribution_params"),
     "dof_frictionloss": ("randomize_joint_parameters", "friction_distribution_params"),
 }
+
+
+def _of_drives(model: mujoco.MjModel, term: str, factors: tuple[float, float]) -> tuple[float, float]:
+    """Return the factors of the damping of the drives: that of the servo, which stays, and that of the joint.
+
+    Raises:
+        AssetError: one range for all drives cannot express it.
+    """
+    found = set()
+    for name, drive in drives(model).items():
+        joint = float(model.dof_damping[model.joint(name).dofadr[0]])
+        whole = drive.damping or 1.0
+        low, high = (round((drive.damping - joint + factor * joint) / whole, 9) for factor in factors)
+        found.add((low, high))
+    if len(found) != 1:
+        raise AssetError(
+            f"randomise: {term} changes the damping of the drives by different factors, {sorted(found)}, and "
+            "an event of Isaac Lab has one range: give all joints the same share of their drives' damping"
+        )
+    return found.pop()
 
 
 def _touch(asset: str, factors: tuple[float, float], friction: float) -> Event:
