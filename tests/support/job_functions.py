@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 
 
 def squared(number: int) -> int:
@@ -22,3 +23,10 @@ class Counter:
     def add(self, number: int) -> int:
         self.value += number
         return self.value
+
+
+def killed(number: int) -> int:
+    """The number; 3 ends the process as a machine without memory does."""
+    if number == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number

@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 
 import pytest
-from job_functions import Counter, process_of, squared
+from job_functions import Counter, killed, process_of, squared
 from joshua_jobs.choice import add_options, check_address, chosen, opened
 from joshua_jobs.executor import JobError, Stopped
 from joshua_jobs.processes import Processes, in_order
@@ -45,6 +45,14 @@ def test_at_most_two_items_per_worker_are_taken_ahead() -> None:
 def test_work_stops_when_asked(workers: int) -> None:
     with Processes(workers) as executor, pytest.raises(Stopped):
         list(executor.in_order(squared, range(100, 200), lambda: True))
+
+
+def test_a_process_that_is_killed_names_the_remedy_and_others_can_work_after_it() -> None:
+    said = "^one of 2 worker processes was killed, probably for lack of memory: lower --workers$"
+    with Processes(2) as executor:
+        with pytest.raises(JobError, match=said):
+            list(executor.in_order(killed, range(12)))
+        assert list(executor.in_order(killed, range(3))) == [0, 1, 2]
 
 
 def test_a_crew_keeps_its_objects() -> None:

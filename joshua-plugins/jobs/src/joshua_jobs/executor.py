@@ -133,7 +133,7 @@ class Executor(ABC):
             stopping: asked while waiting.
 
         Raises:
-            Stopped: ``stopping`` returned True. JobError: no worker is left.
+            Stopped: ``stopping`` returned True. JobError: no worker is left, or one was killed.
         """
 
     @abstractmethod

@@ -7,10 +7,11 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures import TimeoutError as NotYet
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from typing import Any
 
-from joshua_jobs.executor import Crew, Executor, Item, Result, Stopped, never
+from joshua_jobs.executor import Crew, Executor, Item, JobError, Result, Stopped, never
 
 #: How often a waiting executor asks whether it is stopped.
 POLL_S = 0.2
@@ -71,6 +72,12 @@ class Processes(Executor):
                     yield _result(waiting.popleft(), stopping)
             while waiting:
                 yield _result(waiting.popleft(), stopping)
+        except BrokenProcessPool as error:
+            self.close()  # a later call gets other processes
+            raise JobError(
+                f"one of {self._count} worker processes was killed, probably for lack of memory: "
+                "lower --workers"
+            ) from error
         finally:
             for future in waiting:
                 future.cancel()
