@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,16 @@ import gymnasium
 import numpy as np
 import pytest
 import tiny_policies
+import torch
 from evaluation_files import write_evaluation
+from joshua.api.models import Compute
 from joshua.planner.pipeline import examine
 from joshua.planner.request import Request
 from joshua.testing.recording_context import RecordingContext
+from joshua_evaluation.episodes import Arena
 from joshua_evaluation.node import Evaluation
+from joshua_evaluation.players import ModelPlayer
+from joshua_evaluation.plugins import model_offer
 from joshua_mujoco_sim.envs import make_environment
 from joshua_training.run_folder import RunFolder
 from stable_baselines3.common.evaluation import evaluate_policy
@@ -96,3 +102,42 @@ def test_a_policy_of_lerobot_is_judged_by_its_pictures(tmp_path: Path) -> None:
     assert content["complete"]
     assert content["metrics"]["episode_length"]["value"] == 75
     assert content["metrics"]["inference_latency"]["value"] > 0.1
+
+
+@pytest.fixture
+def diffusion(tmp_path: Path) -> Iterator[tuple[Any, ModelPlayer, Arena]]:
+    """A tiny Diffusion policy by LeRobot, as a player, and an environment of it."""
+    parts = tiny_policies.make_diffusion(tmp_path / "diffusion", radians=True)
+    offer = model_offer("joshua.LeRobotPolicy", b"", str(tmp_path / "diffusion"), "", Compute(seed=3))
+    player = ModelPlayer(offer)
+    arena = Arena("joshua_mujoco_sim.envs:make_vector_environment", REACH, "reach", **player.options)
+    player.load(arena)
+    yield parts, player, arena
+    player.close()
+    arena.close()
+
+
+def test_a_policy_that_looks_back_sees_the_same_steps_as_with_lerobot(
+    diffusion: tuple[Any, ModelPlayer, Arena],
+) -> None:
+    """Three chunks, the last two of which begin with the observation of the step before."""
+    from lerobot.policies.utils import prepare_observation_for_inference
+
+    (policy, before, after), player, arena = diffusion
+    player.begin()
+    policy.reset()
+    observation = arena.reset(SEED)
+    seen, actions = [], []
+    for step in range(12):
+        seen.append({key: np.array(value) for key, value in arena.values(observation).items()})
+        actions.append(player.act(arena, observation, step)[0])
+        observation = arena.step(actions[-1])[0]
+    assert np.ptp([values["observation.state"] for values in seen], axis=0).max() > 0.01
+    torch.manual_seed(3)
+    for values, action in zip(seen, actions, strict=True):
+        known = {key: values[key] for key in policy.config.input_features}
+        batch = before(prepare_observation_for_inference(known, torch.device("cpu"), ""))
+        with torch.inference_mode():
+            wanted = after(policy.select_action(batch)).numpy()[0]
+        limits = arena.action_space
+        np.testing.assert_allclose(action, np.clip(wanted, limits.low, limits.high), atol=1e-5, rtol=0)

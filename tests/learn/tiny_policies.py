@@ -202,7 +202,7 @@ def make_smolvla(
     return policy, before, after
 
 
-def make_diffusion(folder: Path) -> tuple[Any, Any, Any]:
+def make_diffusion(folder: Path, *, radians: bool = False) -> tuple[Any, Any, Any]:
     """A tiny Diffusion policy, which looks back one step, saved into a folder."""
     from lerobot.policies.diffusion.configuration_diffusion import DiffusionConfig
     from lerobot.policies.diffusion.modeling_diffusion import DiffusionPolicy
@@ -226,7 +226,9 @@ def make_diffusion(folder: Path) -> tuple[Any, Any, Any]:
     )
     policy = DiffusionPolicy(config)
     policy.eval()
-    parts = make_diffusion_pre_post_processors(config, dataset_stats=statistics({**seen, **done}))
+    parts = make_diffusion_pre_post_processors(
+        config, dataset_stats=statistics({**seen, **done}, radians=radians)
+    )
     save(folder, policy, *parts)
     return policy, *parts
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import shutil
 import subprocess
@@ -18,6 +19,8 @@ from joshua_evaluation.plugins import ModelOffer
 from safetensors.numpy import load_file, save_file
 from trained_policies import write_policy
 
+REACH = "joshua/SoArm100Reach-v0"
+
 TOY = Path(__file__).resolve().parents[2] / "support" / "toy_policy"
 
 #: An environment of a third party, which has one way to act.
@@ -26,6 +29,28 @@ from joshua_mujoco_sim.envs import make_vector_environment
 
 def make(environment_id, *, action_mode="", **options):
     return make_vector_environment(environment_id, **options)
+"""
+
+#: A model that looks back two steps, and holds each of its chunks for four.
+LOOKS_BACK = """
+import numpy as np
+from joshua.api import Model
+from joshua.api.models import ModelNeeds
+
+class LooksBack(Model):
+    seen = []
+
+    def load(self): pass
+    def reset(self): pass
+    def close(self): pass
+
+    def needs(self):
+        return ModelNeeds(history=3)
+
+    def act(self, observation):
+        assert all(one["observation.state"].shape == (6,) for one in observation.earlier)
+        self.seen.append([round(one.stamp_ns / 4e7) for one in (observation, *observation.earlier)])
+        return np.zeros((4, 6))
 """
 
 
@@ -40,7 +65,7 @@ def test_a_policy_of_fewer_joints_is_refused(tmp_path: Path) -> None:
     save_file(weights, folder / "policy.safetensors")
     about |= {name: about[name][:5] for name in ("action_low", "action_high")}
     (folder / "policy.json").write_text(json.dumps(about))
-    arena = Arena("joshua_mujoco_sim.envs:make_vector_environment", "joshua/SoArm100Reach-v0", "reach")
+    arena = Arena("joshua_mujoco_sim.envs:make_vector_environment", REACH, "reach")
     with pytest.raises(
         CheckpointError,
         match=r"short returns 5 numbers, but the environment expects 6: name a checkpoint that was trained",
@@ -61,6 +86,26 @@ def test_a_model_commands_joints_in_radians_only(tmp_path: Path, monkeypatch: py
         player.load(arena)
     player.close()
     arena.close()
+
+
+def test_a_model_that_looks_back_gets_the_steps_before_of_its_episode(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "looks_back.py").write_text(LOOKS_BACK)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    player = ModelPlayer(ModelOffer(block="acme.Policy", implementation="looks_back:LooksBack"))
+    arena = Arena("joshua_mujoco_sim.envs:make_vector_environment", REACH, "reach", **player.options)
+    assert arena.period_s == pytest.approx(0.04)
+    player.load(arena)
+    for seed in (1, 2):
+        player.begin()
+        observation = arena.reset(seed)
+        for step in range(9):
+            observation = arena.step(player.act(arena, observation, step)[0])[0]
+    player.close()
+    arena.close()
+    seen = importlib.import_module("looks_back").LooksBack.seen
+    assert seen == [[0, 0, 0], [4, 3, 2], [8, 7, 6]] * 2
 
 
 def test_a_model_plugin_that_cannot_be_imported_is_named_at_the_line_of_its_checkpoint(

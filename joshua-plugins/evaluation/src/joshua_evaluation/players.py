@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections import deque
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +97,7 @@ class ModelPlayer:
         self._waiting: tuple[int, int, Any] | None = None
         self._held: Any = None
         self._features = FeatureSet()
+        self._past: deque[Observation] = deque(maxlen=0)
         self._low: Any = None
         self._high: Any = None
         self.options = {"action_mode": "absolute", **_cameras(needs)}
@@ -139,12 +142,14 @@ class ModelPlayer:
             model.close()
             raise
         self._model, self._features = model, features
+        self._past = deque(maxlen=needs.history - 1)
 
     def begin(self) -> None:
         """See ``Player``."""
         assert self._model is not None
         self._model.reset()
         self._strategy.clear()
+        self._past.clear()
         self._waiting = self._held = None
 
     def act(self, arena: Arena, observation: Any, step: int) -> tuple[Any, float | None]:
@@ -153,11 +158,15 @@ class ModelPlayer:
         if self._held is None:
             self._held = np.asarray(values[STATE], np.float64)
         latency_s = None
-        if self._waiting is None and self._strategy.wants(step, self._delay):
-            began_s = now_s()
-            first, actions = self._predict(arena, values, step)
-            latency_s = now_s() - began_s
-            self._waiting = (step + self._delay, first, actions)
+        wants = self._waiting is None and self._strategy.wants(step, self._delay)
+        if wants or self._past.maxlen:
+            seen = self._observed(arena, values, step)
+            if wants:
+                began_s = now_s()
+                actions = self._predict(seen, step)
+                latency_s = now_s() - began_s
+                self._waiting = (step + self._delay, step, actions)
+            self._past.appendleft(seen)
         if self._waiting is not None and step >= self._waiting[0]:
             arrived, first, actions = self._waiting
             self._waiting = None
@@ -175,14 +184,26 @@ class ModelPlayer:
         if model is not None:
             model.close()
 
-    def _predict(self, arena: Arena, values: dict[str, Any], step: int) -> tuple[int, Any]:
-        """Return a chunk for an observation: its first step, and its actions."""
-        assert self._model is not None
+    def _observed(self, arena: Arena, values: dict[str, Any], step: int) -> Observation:
+        """Return what the model sees at a step, without the steps before it."""
         seen = {
-            key: checked(feature, values[key]) for key, feature in self._features.items() if key in values
+            # a copy, because an environment may render into the same memory in every step
+            key: checked(feature, values[key]).copy()
+            for key, feature in self._features.items()
+            if key in values
         }
         stamp_ns = round(step * arena.period_s * _NS_PER_S) + 1
-        observation = Observation(stamp_ns, seen, dict.fromkeys(seen, stamp_ns), task=self._task)
+        return Observation(stamp_ns, seen, dict.fromkeys(seen, stamp_ns), task=self._task)
+
+    def _predict(self, seen: Observation, step: int) -> Any:
+        """Return a chunk of actions, the first of which belongs to ``step``.
+
+        At the start of an episode, its first observation stands for those before it, as on a robot.
+        """
+        assert self._model is not None
+        lacking = (self._past.maxlen or 0) - len(self._past)
+        first = self._past[-1] if self._past else seen
+        observation = replace(seen, earlier=(*self._past, *[first] * lacking))
         request = self._strategy.request(step, self._delay)
         if request is None:
             actions = self._model.act(observation)
@@ -191,7 +212,7 @@ class ModelPlayer:
         actions = np.asarray(actions, np.float64)
         if not np.isfinite(actions).all():
             raise ModelError(f"{self._offer.block} returned an action that is not a number at step {step}")
-        return step, actions
+        return actions
 
 
 def _ends(arena: Arena) -> tuple[Any, Any]:
