@@ -19,7 +19,7 @@ from joshua.planner.request import Request
 from joshua.testing.recording_context import RecordingContext
 from joshua_evaluation.episodes import Arena
 from joshua_evaluation.node import Evaluation
-from joshua_evaluation.players import ModelPlayer
+from joshua_evaluation.players import ModelPlayer, noise_of
 from joshua_evaluation.plugins import model_offer
 from joshua_mujoco_sim.envs import make_environment
 from joshua_training.run_folder import RunFolder
@@ -49,8 +49,10 @@ class Seeded(gymnasium.Wrapper[Any, Any, Any, Any]):
         return answer
 
 
-def evaluated(folder: Path, checkpoint: Path, more: str, episodes: int) -> dict[str, Any]:
-    path = write_evaluation(folder, checkpoint, f"videos: 0 {more}", episodes=episodes, seed=f"seed: {SEED}")
+def played(folder: Path, checkpoint: Path, more: str, episodes: int) -> Path:
+    """Plays an evaluation to its end: its folder."""
+    before = set((folder / "runs").glob("eval-*"))
+    path = write_evaluation(folder, checkpoint, more, episodes=episodes, seed=f"seed: {SEED}")
     result = examine(Request(str(path)))
     assert result.plan is not None, result.errors
     context = RecordingContext(result.plan.nodes[0])
@@ -59,7 +61,12 @@ def evaluated(folder: Path, checkpoint: Path, more: str, episodes: int) -> dict[
     node.activate()
     assert node._ended.wait(200)
     context.stop()
-    (made,) = (folder / "runs").glob("eval-*")
+    (made,) = set((folder / "runs").glob("eval-*")) - before
+    return made
+
+
+def evaluated(folder: Path, checkpoint: Path, more: str, episodes: int) -> dict[str, Any]:
+    made = played(folder, checkpoint, f"videos: 0 {more}", episodes)
     content: dict[str, Any] = json.loads((made / "results.json").read_text())
     return content
 
@@ -108,8 +115,8 @@ def test_a_policy_of_lerobot_is_judged_by_its_pictures(tmp_path: Path) -> None:
 def diffusion(tmp_path: Path) -> Iterator[tuple[Any, ModelPlayer, Arena]]:
     """A tiny Diffusion policy by LeRobot, as a player, and an environment of it."""
     parts = tiny_policies.make_diffusion(tmp_path / "diffusion", radians=True)
-    offer = model_offer("joshua.LeRobotPolicy", b"", str(tmp_path / "diffusion"), "", Compute(seed=3))
-    player = ModelPlayer(offer)
+    offer = model_offer("joshua.LeRobotPolicy", b"", str(tmp_path / "diffusion"), "", Compute())
+    player = ModelPlayer(offer, noise_seed=3)
     arena = Arena("joshua_mujoco_sim.envs:make_vector_environment", REACH, "reach", **player.options)
     player.load(arena)
     yield parts, player, arena
@@ -124,7 +131,7 @@ def test_a_policy_that_looks_back_sees_the_same_steps_as_with_lerobot(
     from lerobot.policies.utils import prepare_observation_for_inference
 
     (policy, before, after), player, arena = diffusion
-    player.begin()
+    player.begin(SEED)
     policy.reset()
     observation = arena.reset(SEED)
     seen, actions = [], []
@@ -133,7 +140,7 @@ def test_a_policy_that_looks_back_sees_the_same_steps_as_with_lerobot(
         actions.append(player.act(arena, observation, step)[0])
         observation = arena.step(actions[-1])[0]
     assert np.ptp([values["observation.state"] for values in seen], axis=0).max() > 0.01
-    torch.manual_seed(3)
+    torch.manual_seed(noise_of(3, SEED))
     for values, action in zip(seen, actions, strict=True):
         known = {key: values[key] for key in policy.config.input_features}
         batch = before(prepare_observation_for_inference(known, torch.device("cpu"), ""))
@@ -141,3 +148,24 @@ def test_a_policy_that_looks_back_sees_the_same_steps_as_with_lerobot(
             wanted = after(policy.select_action(batch)).numpy()[0]
         limits = arena.action_space
         np.testing.assert_allclose(action, np.clip(wanted, limits.low, limits.high), atol=1e-5, rtol=0)
+
+
+def test_an_episode_has_noise_of_its_own_and_repeats(diffusion: tuple[Any, ModelPlayer, Arena]) -> None:
+    _, player, arena = diffusion
+    observation = arena.reset(SEED)
+    actions: list[Any] = []
+    for seed in (7, 8, 7):
+        torch.manual_seed(len(actions))
+        player.begin(seed)
+        actions.append(player.act(arena, observation, 0)[0])
+    np.testing.assert_array_equal(actions[0], actions[2])
+    assert np.abs(actions[0] - actions[1]).max() > 1e-3
+
+
+def test_the_video_of_a_policy_with_noise_shows_the_episode_that_was_measured(tmp_path: Path) -> None:
+    tiny_policies.make_diffusion(tmp_path / "diffusion", radians=True)
+    made = played(tmp_path, tmp_path / "diffusion", "compute { seed: 4 }", 1)
+    page = (made / "report.html").read_text()
+    assert page.count("<figcaption>") == 1
+    assert "its replay differed" not in page
+    assert json.loads((made / "run.json").read_text())["noise_seed"] == 4

@@ -61,7 +61,7 @@ def test_an_evaluation_writes_figures_with_intervals_and_a_report(tmp_path: Path
     assert "src='http" not in page
     assert page.count("<circle") == 12
     about = json.loads((made / "run.json").read_text())
-    assert (about["kind"], about["seed"]) == ("evaluation", 40)
+    assert (about["kind"], about["seed"], about["noise_seed"]) == ("evaluation", 40, 40)
     assert about["settings"]["model_checkpoint"] == str(reaching)
     assert "joshua-core" in about["versions"]
     (end,) = context.ends

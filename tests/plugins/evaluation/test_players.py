@@ -98,7 +98,7 @@ def test_a_model_that_looks_back_gets_the_steps_before_of_its_episode(
     assert arena.period_s == pytest.approx(0.04)
     player.load(arena)
     for seed in (1, 2):
-        player.begin()
+        player.begin(seed)
         observation = arena.reset(seed)
         for step in range(9):
             observation = arena.step(player.act(arena, observation, step)[0])[0]

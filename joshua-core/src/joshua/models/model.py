@@ -89,7 +89,7 @@ class Model(ABC):
 
     @abstractmethod
     def reset(self) -> None:
-        """Starts a new episode: discards all internal state."""
+        """Starts a new episode: discards all state, and seeds with ``settings.compute.seed`` unless None."""
 
     @abstractmethod
     def act(self, observation: Observation) -> FloatArray:

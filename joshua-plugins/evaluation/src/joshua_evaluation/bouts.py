@@ -18,6 +18,7 @@ class Bout:
     Attributes:
         make: import string of the environment's factory; environment_id, reward_function: of the plan.
         randomise, task, strategy, steps_per_chunk, delay: as in ``EvaluationSettings``.
+        noise_seed: of the model's random numbers, together with the seed of an episode.
     """
 
     candidate: Candidate
@@ -29,6 +30,7 @@ class Bout:
     strategy: str = "SYNCHRONOUS"
     steps_per_chunk: int | None = None
     delay: int = 0
+    noise_seed: int = 0
 
     def player(self) -> Player:
         """Make the player, which has loaded nothing."""
@@ -42,6 +44,7 @@ class Bout:
             strategy=self.strategy,
             steps_per_chunk=self.steps_per_chunk,
             delay=self.delay,
+            noise_seed=self.noise_seed,
         )
 
     def arena(self, options: dict[str, Any]) -> Arena:

@@ -111,8 +111,8 @@ class Player(Protocol):
     def load(self, arena: Arena) -> None:
         """Prepare to act in an arena. Raises CheckpointError, ModelError, RunError."""
 
-    def begin(self) -> None:
-        """Forget the previous episode."""
+    def begin(self, seed: int) -> None:
+        """Forget the previous episode, and draw the random numbers of the episode of a seed."""
 
     def act(self, arena: Arena, observation: Any, step: int) -> tuple[Any, float | None]:
         """Return the action of a step, and the policy's time in seconds, None if it did not compute."""
@@ -140,7 +140,7 @@ def play(
     Raises:
         Stopped: the run stops.
     """
-    player.begin()
+    player.begin(seed)
     observation = arena.reset(seed)
     shown: list[dict[str, Any]] = [_numbers(arena.values(observation))]
     rewards: list[float] = []

@@ -57,10 +57,12 @@ class Evaluation(RunNode):
         self._metrics = tuple(map(load_metric, names))
         seed = settings.seed if settings.seed is not None else chosen.seed
         self._seed = DEFAULT_SEED if seed is None else seed
+        drawn = settings.compute.seed
         self._about = {
             "environment": chosen.environment_id,
             "reward_function": chosen.reward_function,
             "randomise": settings.randomise,
+            "noise_seed": self._seed if drawn is None else drawn,
             "wanted": settings.num_episodes,
         }
         hidden = {"output_folder", "resume_run", "environment", "environment_id", "candidates", "tracking"}
@@ -279,6 +281,7 @@ class Evaluation(RunNode):
             strategy=settings.strategy,
             steps_per_chunk=settings.steps_per_chunk,
             delay=settings.inference_delay,
+            noise_seed=self._about["noise_seed"],
         )
 
     def _clips(self, judged: Sequence[Judged]) -> tuple[list[report.Clip], str]:

@@ -54,8 +54,8 @@ class PolicyPlayer:
                 "Name a checkpoint that was trained in this environment",
             )
 
-    def begin(self) -> None:
-        """See ``Player``."""
+    def begin(self, seed: int) -> None:
+        """See ``Player``; its actions have no noise."""
 
     def act(self, arena: Arena, observation: Any, step: int) -> tuple[Any, float | None]:
         """See ``Player``."""
@@ -77,6 +77,7 @@ class ModelPlayer:
         offer: the plugin; task: of the model.
         strategy: name of one of ``joshua_inference``; steps_per_chunk: of it, None for its default.
         delay: steps that pass while a chunk is computed.
+        noise_seed: from which and from its own each episode gets the seed of the model's random numbers.
     """
 
     def __init__(
@@ -87,8 +88,10 @@ class ModelPlayer:
         strategy: str = "SYNCHRONOUS",
         steps_per_chunk: int | None = None,
         delay: int = 0,
+        noise_seed: int = 0,
     ) -> None:
         self._offer, self._task, self._delay = offer, task, delay
+        self._noise_seed = noise_seed
         self._execution = Execution(strategy=strategy, steps_per_chunk=steps_per_chunk)
         self._settings = offer.made_settings()
         needs = self._settings.needs() if isinstance(self._settings, ModelSettings) else ModelNeeds()
@@ -144,9 +147,12 @@ class ModelPlayer:
         self._model, self._features = model, features
         self._past = deque(maxlen=needs.history - 1)
 
-    def begin(self) -> None:
-        """See ``Player``."""
+    def begin(self, seed: int) -> None:
+        """See ``Player``. A model takes the seed of its random numbers from its settings when it is reset."""
         assert self._model is not None
+        if isinstance(self._settings, ModelSettings):
+            compute = replace(self._settings.compute, seed=noise_of(self._noise_seed, seed))
+            self._model.settings = self._settings.model_copy(update={"compute": compute})
         self._model.reset()
         self._strategy.clear()
         self._past.clear()
@@ -213,6 +219,11 @@ class ModelPlayer:
         if not np.isfinite(actions).all():
             raise ModelError(f"{self._offer.block} returned an action that is not a number at step {step}")
         return actions
+
+
+def noise_of(noise_seed: int, seed: int) -> int:
+    """Return the seed of a model's random numbers in the episode of a seed, of 31 bits for any library."""
+    return int(np.random.SeedSequence((noise_seed, seed)).generate_state(1)[0] >> 1)
 
 
 def _ends(arena: Arena) -> tuple[Any, Any]:

@@ -77,7 +77,7 @@ class LeRobotModel(Model):
         return needs_of(self.settings, self._checkpoint)
 
     def reset(self) -> None:
-        """Forget the episode so far; the same seed draws the same noise again."""
+        """Forget the episode so far; the same ``compute.seed`` draws the same noise again."""
         loaded = self._ready()
         loaded.policy.reset()
         self._last_ns = 0
