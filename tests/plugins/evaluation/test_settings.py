@@ -113,6 +113,40 @@ def test_a_file_in_place_of_a_folder_is_answered_with_the_folder(tmp_path: Path,
     assert error.remedy == f"Write {random_policy}."
 
 
+@pytest.mark.parametrize(
+    ("more", "field", "beside_a_model"),
+    [
+        ('task: "reach the goal"', "task", False),
+        ("strategy: TEMPORAL_ENSEMBLE", "strategy", False),
+        ("steps_per_chunk: 4", "steps_per_chunk", False),
+        ("compute { threads: 2 }", "compute", False),
+        ("inference_delay: 5", "inference_delay", True),
+    ],
+)
+def test_what_the_policy_of_a_trainer_cannot_do_is_named(
+    tmp_path: Path, random_policy: Path, more: str, field: str, beside_a_model: bool
+) -> None:
+    """A model beside it uses them; a delay of the model alone would make the comparison unfair."""
+    (error,) = errors(tmp_path, random_policy, more)
+    assert error.field_path == f"ai.training.eval_config.{field}"
+    assert error.message.startswith(f"{field} has no effect on {random_policy}, the policy of a trainer")
+    assert error.remedy.startswith("Remove it")
+    assert error.position.line == 11
+    write_checkpoint(tmp_path / "act")
+    write_dataset(tmp_path / "act")
+    both = f'compare_with: "{random_policy}" {more}'
+    assert [item.field_path for item in errors(tmp_path, "act", both)] == [error.field_path] * beside_a_model
+    assert errors(tmp_path, "missing", both) == []
+    assert errors(tmp_path, "act", more) == []
+
+
+def test_defaults_of_models_are_no_error_of_the_policy_of_a_trainer(
+    tmp_path: Path, random_policy: Path
+) -> None:
+    usual = 'task: "" strategy: SYNCHRONOUS inference_delay: 0 compute { threads: 1 } randomise: true'
+    assert errors(tmp_path, random_policy, usual) == []
+
+
 def test_a_run_means_its_newest_checkpoint(tmp_path: Path, random_policy: Path) -> None:
     run = tmp_path / "runs" / "reach"
     (run / "checkpoints").mkdir(parents=True)

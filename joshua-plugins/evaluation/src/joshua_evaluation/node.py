@@ -65,7 +65,8 @@ class Evaluation(RunNode):
             "noise_seed": self._seed if drawn is None else drawn,
             "wanted": settings.num_episodes,
         }
-        hidden = {"output_folder", "resume_run", "environment", "environment_id", "candidates", "tracking"}
+        hidden = {"output_folder", "resume_run", "environment", "environment_id", "tracking"}
+        hidden |= {"candidates", "chosen"}
         facts = {
             **self._about,
             "kind": "evaluation",
@@ -87,7 +88,7 @@ class Evaluation(RunNode):
         self._about = {"environment": "the robot", "reward_function": "", "wanted": settings.num_episodes}
         if len(settings.candidates) > 1:
             self._about["order"] = blind_order(settings.num_episodes, self._seed)
-        hidden = {"output_folder", "resume_run", "candidates", "without_effect"}
+        hidden = {"output_folder", "resume_run", "candidates", "chosen"}
         facts = {
             **self._about,
             "kind": "evaluation",

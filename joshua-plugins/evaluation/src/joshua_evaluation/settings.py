@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from joshua.api import BlockContext, FieldError
+from joshua.api import BlockContext, FieldError, FieldErrors
 from joshua.api.models import Compute
 from joshua.tools import nearest_first
 from joshua_training.settings import RunSettings
@@ -19,10 +19,11 @@ from joshua_evaluation.plugins import ModelOffer, model_offer
 
 _OWN = "eval_config."
 
+#: Fields that the policy of a trainer has no use for, which computes one action from one observation.
+_OF_MODELS = ("task", "strategy", "steps_per_chunk", "inference_delay", "compute")
+
 #: Fields for simulated episodes only.
-_SIMULATED = (
-    *("randomise", "task", "strategy", "steps_per_chunk", "inference_delay", "compute", "plugin_config"),
-)
+_SIMULATED = ("randomise", *_OF_MODELS, "plugin_config")
 
 #: Metrics of episodes on a robot, which gives no reward.
 ON_ROBOT = ("success_rate", "episode_length", "smoothness", "inference_latency")
@@ -55,7 +56,7 @@ class EvaluationSettings(RunSettings):
     Attributes:
         candidates: the checkpoint, and the one that it is compared with.
         seed: of the first episode; None for that of the simulation.
-        without_effect: fields of the block that only simulated episodes use, on a robot.
+        chosen: fields for simulated episodes that the file sets to a value other than the default.
     """
 
     BLOCK = "eval_config"
@@ -77,7 +78,7 @@ class EvaluationSettings(RunSettings):
     steps_per_chunk: int | None = None
     inference_delay: int = 0
     compute: Compute = Compute()
-    without_effect: tuple[str, ...] = ()
+    chosen: tuple[str, ...] = ()
 
     @property
     def is_on_robot(self) -> bool:
@@ -97,11 +98,9 @@ class EvaluationSettings(RunSettings):
             for name in ("model_checkpoint", "compare_with")
             if block.get(name)
         ]
-        if values["environment"] == "ENV_REAL":
-            usual = {name: field.default for name, field in cls.model_fields.items()}
-            known["without_effect"] = [
-                name for name in _SIMULATED if block.get(name) and block[name] != usual.get(name)
-            ]
+        usual = {name: field.default for name, field in cls.model_fields.items()}
+        given = {**block, "compute": compute}
+        known["chosen"] = [name for name in _SIMULATED if given.get(name) and given[name] != usual.get(name)]
         return known | {"compute": compute}
 
     @model_validator(mode="before")
@@ -116,8 +115,9 @@ class EvaluationSettings(RunSettings):
                 **values,
                 "candidates": [{**item, "path": _place(own)} for item, own in zip(kept, plain, strict=True)],
             }
-        found = (_candidate(item["told"]) if "told" in item else item for item in map(dict, raw))
-        return {**values, "candidates": [item for item in found if item is not None]}
+        found = [_candidate(item["told"]) if "told" in item else item for item in map(dict, raw)]
+        known = {**values, "candidates": [item for item in found if item is not None]}
+        return known | ({"chosen": ()} if None in found else {})  # a missing one may be what uses them
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
@@ -153,15 +153,21 @@ class EvaluationSettings(RunSettings):
                     f"{item.given} was trained in {item.environment}, not in {self.environment_id}",
                     remedy=f'Name another checkpoint, or write environment_id: "{item.environment}"',
                 )
+        trained_ones = [item for item in self.candidates if item.model is None]
+        # beside a model, a delay of only that model would make the comparison unfair
+        alone = len(trained_ones) == len(self.candidates)
+        unused = _OF_MODELS if alone else ("inference_delay",)
+        if trained_ones:
+            why = f"{trained_ones[0].given}, the policy of a trainer, which computes one action in each step"
+            remedy = "Remove it, or evaluate only weights that a model plugin runs"
+            _refuse([name for name in self.chosen if name in unused], why, remedy)
         return self
 
     def _fits_robot(self) -> Self:
-        for name in self.without_effect:
-            raise FieldError(
-                f"{_OWN}{name}",
-                f"{name} has no effect on a robot, where a model of ai.models runs the weights",
-                remedy="Remove it; the block of the model in ai.models has execution, compute and task",
-            )
+        why = "a robot, where a model of ai.models runs the weights"
+        _refuse(
+            self.chosen, why, "Remove it; the block of the model in ai.models has execution, compute and task"
+        )
         if "avg_return" in self.metrics:
             raise FieldError(
                 f"{_OWN}metrics[{self.metrics.index('avg_return')}]",
@@ -170,6 +176,13 @@ class EvaluationSettings(RunSettings):
                 remedy="Remove avg_return; success_rate is the fraction of episodes marked as successful",
             )
         return self
+
+
+def _refuse(names: Sequence[str], why: str, remedy: str) -> None:
+    """Raise FieldErrors for fields that have no effect, if there are any."""
+    found = [FieldError(f"{_OWN}{name}", f"{name} has no effect on {why}", remedy=remedy) for name in names]
+    if found:
+        raise FieldErrors(found)
 
 
 def _place(told: Mapping[str, Any]) -> str:
