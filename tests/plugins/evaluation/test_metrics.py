@@ -121,6 +121,14 @@ def test_a_rate_is_one_or_zero(outside: Path) -> None:
         measured(load_metric("reached_fast"), episode())
 
 
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
+def test_a_figure_is_finite(outside: Path, value: str) -> None:
+    bring(outside, f"def metric(episode):\n    return float('{value}')\n")
+    said = rf"reached_fast returned {value} on the episode 4: it must return a finite number"
+    with pytest.raises(MetricError, match=said):
+        measured(load_metric("reached_fast"), episode())
+
+
 def test_a_metric_that_is_gone_is_named() -> None:
     with pytest.raises(MetricError, match="no plugin adds the metric reached_fast: install it"):
         load_metric("reached_fast")

@@ -6,6 +6,7 @@ takes an ``Episode`` and returns a number, or a bool if the metric is a rate.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import EntryPoint, entry_points
@@ -185,7 +186,7 @@ def measured(metric: Metric, episode: Episode) -> float:
     """Measure a metric of an episode.
 
     Raises:
-        MetricError: the metric of a plugin fails, or does not return a number.
+        MetricError: the metric of a plugin fails, or does not return a finite number.
     """
     try:
         value = metric.measure(episode)
@@ -198,6 +199,11 @@ def measured(metric: Metric, episode: Episode) -> float:
     if metric.rate and number not in (0.0, 1.0):
         raise MetricError(
             f"the metric {metric.name} is a rate and returned {number:g}: it must return True or False"
+        )
+    if not math.isfinite(number):
+        raise MetricError(
+            f"the metric {metric.name} returned {number:g} on the episode {episode.seed}: it must return a "
+            "finite number"
         )
     return number
 
