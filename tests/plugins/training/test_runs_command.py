@@ -199,6 +199,24 @@ def test_two_evaluations_from_the_same_seeds_are_compared_episode_by_episode(
     assert f"Not compared episode by episode: {said}" in out
 
 
+def test_a_comparison_of_one_episode_shows_no_interval(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = [str(tmp_path / name) for name in "ab"]
+    for value, name in enumerate("ab"):
+        run = evaluation(tmp_path, name, [value])
+        content = json.loads((run.path / "results.json").read_text())
+        mean = {"value": 3.0 * value, "low": None, "high": None, "method": "bootstrap"}
+        content["metrics"]["avg_return"] = {**mean, "episodes": [3.0 * value]}
+        run.write_json("results.json", content)
+    _, out, _ = command(capsys, "compare", *names)
+    (row,) = (line.split() for line in out.splitlines() if line.startswith("avg_return") and "+" in line)
+    assert row == ["avg_return", "+3", "none", "1", "0", "none"]
+    _, out, _ = command(capsys, "compare", *names, "--format", "json")
+    assert "NaN" not in out
+    assert json.loads(out)["paired"]["avg_return"]["low"] is None
+
+
 def test_prune_removes_only_with_yes_and_never_what_may_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

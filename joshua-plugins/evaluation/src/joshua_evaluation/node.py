@@ -19,7 +19,7 @@ from joshua_evaluation.bouts import Bout, played
 from joshua_evaluation.checkpoints import CheckpointError
 from joshua_evaluation.episodes import VIDEO_SIZE, Arena, Player, Stopped, play
 from joshua_evaluation.metrics import BUILT_IN, Episode, Metric, load_metric
-from joshua_evaluation.results import Intervals, Judged, as_csv, as_json
+from joshua_evaluation.results import Intervals, Judged, as_csv, as_json, as_text
 from joshua_evaluation.robot import Robot
 from joshua_evaluation.settings import DEFAULT_SEED, ON_ROBOT, Candidate, EvaluationSettings
 
@@ -345,7 +345,7 @@ class Evaluation(RunNode):
         try:
             folder.write(TABLE, as_csv(judged, rewarded=self._robot is None).encode())
             folder.write(REPORT, report.page(results, judged, clips, note).encode())
-            folder.write_json(RESULTS, results)
+            folder.write(RESULTS, as_text(results))
         except RunError as error:
             raise RunError(f"{error}, and evaluate again; the same seeds give the same episodes") from error
         self.context.log.info("report %s", folder.path / REPORT)

@@ -89,8 +89,12 @@ def _text(value: str) -> str:
     return html.escape(value)
 
 
-def _number(value: float) -> str:
-    return "–" if not math.isfinite(value) else f"{value:.4g}"
+def _number(value: float | None, form: str = ".4g") -> str:
+    return "–" if value is None or not math.isfinite(value) else format(value, form)
+
+
+def _interval(entry: Mapping[str, Any]) -> str:
+    return "–" if entry["low"] is None else f"{_number(entry['low'])} to {_number(entry['high'])}"
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -116,8 +120,7 @@ def _figures(results: Mapping[str, Any]) -> str:
             own = side[name]
             key = f"<span class=key style='background:{_COLOURS[index]}'></span>" if len(sides) > 1 else ""
             method = "Wilson" if own["method"] == "wilson" else "bootstrap"
-            interval = f"{_number(own['low'])} to {_number(own['high'])}"
-            rows.append((key + label, _number(own["value"]), interval, method, str(own["count"])))
+            rows.append((key + label, _number(own["value"]), _interval(own), method, str(own["count"])))
     return _table(("figure", "value", "interval", "method", "episodes"), rows)
 
 
@@ -126,15 +129,16 @@ def _comparison(results: Mapping[str, Any]) -> str:
     for name, entry in results["compared"]["differences"].items():
         about = results["metrics"][name]
         colour = ""
-        if about["higher_is_better"] is not None and entry["p_value"] < 1 - results["confidence"]:
+        p_value = 1.0 if entry["p_value"] is None else entry["p_value"]
+        if about["higher_is_better"] is not None and p_value < 1 - results["confidence"]:
             colour = "good" if (entry["value"] > 0) == about["higher_is_better"] else "bad"
         rows.append(
             (
                 _text(about["label"]),
-                f"<span class='{colour}'>{entry['value']:+.4g}</span>",
-                f"{_number(entry['low'])} to {_number(entry['high'])}",
+                f"<span class='{colour}'>{_number(entry['value'], '+.4g')}</span>",
+                _interval(entry),
                 f"{entry['better']} / {entry['worse']}",
-                f"{entry['p_value']:.3g}",
+                _number(entry["p_value"], ".3g"),
                 "McNemar" if entry["method"] == "mcnemar" else "bootstrap",
             )
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -119,6 +120,11 @@ def as_json(judged: Sequence[Judged], about: Mapping[str, Any], intervals: Inter
             },
         }
     return content
+
+
+def as_text(content: Mapping[str, Any]) -> bytes:
+    """Return the text of ``results.json``, in which a figure that is not known is null."""
+    return json.dumps(content, indent=2, sort_keys=True, allow_nan=False).encode() + b"\n"
 
 
 def _figures(judged: Judged, intervals: Intervals) -> dict[str, dict[str, Any]]:

@@ -175,11 +175,11 @@ def _compare(arguments: argparse.Namespace) -> int:
         rows += [
             (
                 name,
-                f"{found.value:+.4g}",
-                f"{found.low:+.3g} to {found.high:+.3g}",
+                _known(found.value, "+.4g"),
+                "none" if found.low is None else f"{found.low:+.3g} to {found.high:+.3g}",
                 str(found.better),
                 str(found.worse),
-                f"{found.p_value:.3g}",
+                _known(found.p_value, ".3g"),
             )
             for name, found in differences.items()
         ]
@@ -274,6 +274,10 @@ def _text(value: Any) -> str:
 
 def _figure(value: float) -> str:
     return f"{value:.5g}"
+
+
+def _known(value: float | None, form: str) -> str:
+    return "none" if value is None else format(value, form)
 
 
 def _letter(index: int) -> str:
