@@ -60,9 +60,11 @@ def build(
     Raises:
         RunError: data set, settings or checkpoint do not fit; LibraryMissing.
     """
-    device = group.device if group is not None else found_device(settings)
     judges = group is None or group.rank == 0
-    group = group or Group.of(settings, device)
+    if group is None:
+        group = Group.of(settings, found_device(settings))
+        group.take_gpu()
+    device = group.device
     if continued is not None:
         read_state(continued)
         try:

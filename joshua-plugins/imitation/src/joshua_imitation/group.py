@@ -76,6 +76,15 @@ class Group:
         address = f"{os.environ['MASTER_ADDR']}:{os.environ['MASTER_PORT']}"
         return cls(size, rank, local, each, address, device)
 
+    def take_gpu(self) -> None:
+        """Make the GPU of this process, if it has one, current for the calling thread.
+
+        A thread begins with the first GPU: what it builds or learns before would be on that of another
+        process.
+        """
+        if self.device == "cuda":
+            torch.cuda.set_device(self.local)
+
     def join(self) -> None:
         """Connect to the others, and wait for them. Raises RunError; LibraryMissing."""
         if self.size == 1:

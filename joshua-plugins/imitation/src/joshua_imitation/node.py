@@ -143,6 +143,7 @@ class ImitationTrainer(LearningNode):
                 "waiting for %d workers of the cluster %s", self._group.size, self._settings.cluster
             )
             return True
+        self._group.take_gpu()
         if not self._album.fill(_Told(self.context, self._album.frames)):
             return False
         if self._group.size > 1:

@@ -23,6 +23,7 @@ def main() -> int:
     settings = ImitationSettings.model_validate(told["settings"])
     torch.set_num_threads(settings.threads or max(1, len(os.sched_getaffinity(0)) // settings.processes))
     group = Group.of(settings, told["device"], told["local"], told["address"])
+    group.take_gpu()
     continued = Path(told["continued"]) if told["continued"] else None
     try:
         made = build(settings, continued, group, Path(told["album"]) if told["album"] else None)
