@@ -1,4 +1,4 @@
-"""Batch normalisation of ACT without pretrained weights: it learns, and LeRobot computes the same."""
+"""Batch normalisation that learns: LeRobot computes the same, and validation leaves it as it is."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ import pytest
 import torch
 from joshua_imitation.batch_norm import LearnedBatchNorm
 from joshua_imitation.learner import POLICY, DivergedError, Learner
-from learners import differ, rows, weights
+from learners import DIFFUSION, differ, rows, weights
 from learners import learner as learner
 from learners import recording as recording
 from lerobot.policies.act.modeling_act import ACTPolicy
+from torchvision.models import WeightsEnum, resnet18
 from torchvision.ops.misc import FrozenBatchNorm2d
 
 STATISTICS = ("running_mean", "running_var")
@@ -78,9 +79,10 @@ def test_validation_and_a_batch_without_a_number_leave_the_statistics(
     rows(made, 2)
     before = {key: value.clone() for key, value in statistics(made).items()}
     assert before
+    whole = weights(made)
     made.validate()
     assert all(norm.training for norm in norms(made.parts.policy, LearnedBatchNorm))
-    assert not differ(before, statistics(made))
+    assert not differ(whole, weights(made))
     make = type(made._maker).make
 
     def broken(self: Any, *arguments: Any) -> Any:
@@ -94,6 +96,44 @@ def test_validation_and_a_batch_without_a_number_leave_the_statistics(
         made.update()
     made.close()
     assert not differ(before, statistics(made))
+
+
+@pytest.fixture
+def pretrained(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Settings of a Diffusion policy with a pretrained image network, whose weights are not downloaded."""
+    torch.manual_seed(0)
+    made = resnet18().state_dict()
+    monkeypatch.setattr(WeightsEnum, "get_state_dict", lambda self, **options: made)
+    return {"policy_type": "diffusion", **DIFFUSION, "cameras": ("top",), "pretrained_backbone": True}
+
+
+def test_validation_changes_nothing_of_a_pretrained_diffusion_policy(
+    learner: Callable[..., Learner], pretrained: dict[str, Any]
+) -> None:
+    made = learner(**pretrained, validation_share=0.5)
+    before = weights(made)
+    assert any(key.endswith("running_mean") for key in before)
+    one, other = made.validate(), made.validate()
+    assert one == other
+    assert not differ(before, weights(made))
+    often, seldom = (learner(**pretrained, validation_steps=steps) for steps in (1, 100))
+    for each in (often, seldom):
+        rows(each, 2)
+    assert not differ(weights(often), weights(seldom))
+
+
+def test_batches_of_a_pretrained_diffusion_policy_change_its_statistics_by_their_mean(
+    learner: Callable[..., Learner], pretrained: dict[str, Any]
+) -> None:
+    made = learner(**pretrained, accumulation_steps=2)
+    first = next(norm for norm in made.parts.policy.modules() if isinstance(norm, torch.nn.BatchNorm2d))
+    means: list[Any] = []
+    first.register_forward_pre_hook(lambda _, arguments: means.append(arguments[0].detach().mean((0, 2, 3))))
+    expected = 0.9 * first.running_mean
+    made.update()
+    made.close()
+    assert len(means) == 2
+    assert torch.allclose(first.running_mean, expected + 0.1 * (means[0] + means[1]) / 2, atol=1e-6)
 
 
 def test_one_value_is_normalised_by_the_statistics() -> None:

@@ -184,6 +184,22 @@ def test_a_continued_training_is_the_same_bit_for_bit(
         assert (final / name).read_bytes() == (other / name).read_bytes(), name
 
 
+def test_validation_is_without_dropout_and_with_the_whole_loss(learner: Callable[..., Learner]) -> None:
+    made = learner(validation_share=0.5)
+    policy = made.parts.policy
+    first = made.validate()
+    assert made.validate() == first
+    assert all(module.training for module in policy.modules())
+    for module in policy.modules():
+        if isinstance(module, torch.nn.Dropout):
+            module.p = 0.0
+        elif isinstance(module, torch.nn.MultiheadAttention):
+            module.dropout = 0.0
+    assert made.validate() == first
+    policy.config.kl_weight *= 2
+    assert made.validate() > first
+
+
 def test_diffusion_learns_by_either_loss(learner: Callable[..., Learner]) -> None:
     found = {}
     for loss in ("", "mse", "l1"):

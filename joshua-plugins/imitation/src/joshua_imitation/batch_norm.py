@@ -8,8 +8,7 @@ loads the checkpoint and computes the same.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any
 
 import torch
@@ -76,24 +75,17 @@ def learn_batch_norm(policy: Any) -> None:
 
 
 class Statistics:
-    """Running statistics of the batch normalisations of a policy that learn; there may be none."""
+    """Running statistics of the batch normalisations of a policy that learn; there may be none.
+
+    They are those of ``LearnedBatchNorm``, and of Diffusion's image network with pretrained weights.
+    """
 
     def __init__(self, policy: Any) -> None:
-        self._modules = [module for module in policy.modules() if isinstance(module, LearnedBatchNorm)]
-        self._values = [value for module in self._modules for value in module.buffers()]
+        norms = (module for module in policy.modules() if isinstance(module, torch.nn.BatchNorm2d))
+        # without the counts of batches, which change nothing
+        self._values = [value for norm in norms for value in norm.buffers() if value.is_floating_point()]
         self._kept: list[Any] = []
         self._changes: list[Any] = []
-
-    @contextmanager
-    def used(self) -> Iterator[None]:
-        """Normalise by the statistics instead of those of each batch, and leave them as they are."""
-        for module in self._modules:
-            module.eval()
-        try:
-            yield
-        finally:
-            for module in self._modules:
-                module.train()
 
     def keep(self) -> None:
         """Begin an update: remember the values, to which every batch of it adds its part."""

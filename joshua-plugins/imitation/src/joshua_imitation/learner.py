@@ -125,7 +125,10 @@ class Learner:
         chosen = self._kept_back[np.linspace(0, len(self._kept_back) - 1, count).astype(int)]
         total = 0.0
         before = time.perf_counter()
-        with torch.random.fork_rng(devices=self._devices()), torch.no_grad(), self._statistics.used():
+        policy.eval()
+        if settings.policy_type == "act":
+            policy.model.training = True  # LeRobot computes the divergence, a part of the loss, only so
+        with torch.random.fork_rng(devices=self._devices()), torch.no_grad():
             torch.manual_seed(settings.seed)
             for start in range(0, count, settings.batch_size):
                 frames = chosen[start : start + settings.batch_size]
