@@ -126,6 +126,40 @@ def test_a_loss_that_is_no_number_stops_and_keeps_its_batch(
     assert made.steps == 1
 
 
+def test_updates_that_float16_skips_change_nothing_and_end_where_none_succeeds(
+    learner: Callable[..., Learner], tmp_path: Path
+) -> None:
+    made = learner(num_epochs=20, report_steps=2, learning_rate_schedule="cosine", validation_share=0.0)
+    made._scaler = torch.amp.GradScaler("cpu")  # as float16 has on a GPU
+    factor = [math.nan]
+    next(iter(made.parts.policy.parameters())).register_hook(lambda gradient: gradient * factor[0])
+    before, rate = weights(made), made.parts.optimiser.param_groups[0]["lr"]
+    made.update()
+    assert not differ(before, weights(made))
+    assert made.parts.optimiser.param_groups[0]["lr"] == rate
+    assert made._scaler.get_scale() == 2.0**15
+    factor[0] = 1.0
+    row = made.update()
+    assert row is not None
+    assert all(math.isfinite(value) for value in row.values())
+    assert differ(before, weights(made))
+    assert made.parts.optimiser.param_groups[0]["lr"] != rate
+    alone = learner(num_epochs=20, report_steps=1, learning_rate_schedule="cosine", validation_share=0.0)
+    alone._order, alone.steps = made._order, 1
+    assert row["optimiser/gradient_norm"] == pytest.approx(rows(alone, 2)[0]["optimiser/gradient_norm"])
+    factor[0] = math.nan
+    with pytest.raises(
+        DivergedError,
+        match=r"gradient is not a number at update 22; its batch is in .*: set precision: \"bfloat16\", or",
+    ):
+        rows(made)
+    made.close()
+    assert list(tmp_path.glob("run-*/failed_batch_22.safetensors"))
+    state = (made.save() / STATE).read_text()
+    assert "NaN" not in state
+    assert "Infinity" not in state
+
+
 def test_values_of_the_data_set_that_are_no_numbers_are_named(
     learner: Callable[..., Learner], tmp_path: Path
 ) -> None:

@@ -30,6 +30,11 @@ POLICY, TRAINING, STATE = "pretrained_model", "training.safetensors", "state.jso
 _DTYPES = {"bfloat16": torch.bfloat16, "float16": torch.float16}
 
 
+#: Most updates in a row that float16 skips. Each halves the scale of the loss, which ends below 1 by then.
+MOST_SKIPPED = 20
+
+_NORM = "optimiser/gradient_norm"
+
 #: What the seed of the noise of a batch has beside other seeds.
 _NOISE = 3
 
@@ -74,7 +79,8 @@ class Learner:
         # without an accelerator it has no effect
         self._scaler = torch.amp.GradScaler(group.device, enabled=settings.precision == "float16")
         self._window: dict[str, float] = {}
-        self._window_steps = 0
+        self._window_steps = self._window_skipped = 0
+        self._skipped_in_a_row = 0
         self._loader: Loader | None = None
         self._last_batch: Batch = {}
         self._began_s = time.perf_counter()
@@ -177,21 +183,25 @@ class Learner:
         self._group.sum_each([w.grad for w in parts.policy.parameters() if w.grad is not None])
         self._scaler.unscale_(optimiser)
         norm = float(torch.nn.utils.clip_grad_norm_(parts.policy.parameters(), parts.max_norm))
-        if not np.isfinite(norm) and not self._scaler.is_enabled():
+        skips = not np.isfinite(norm)
+        self._skipped_in_a_row = self._skipped_in_a_row + 1 if skips else 0
+        if skips and (not self._scaler.is_enabled() or self._skipped_in_a_row == MOST_SKIPPED):
             optimiser.zero_grad()
             raise self._diverged("the gradient", self._last_batch)
-        self._scaler.step(optimiser)
-        self._scaler.update()
+        if not skips:
+            self._scaler.step(optimiser)
+            self._statistics.apply(self._group)
+            if parts.schedule is not None:
+                parts.schedule.step()
+            if hasattr(parts.policy, "update"):
+                parts.policy.update()
+            found[_NORM] = norm
+        self._scaler.update()  # a smaller scale after a skipped step
         optimiser.zero_grad()
-        self._statistics.apply(self._group)
-        if parts.schedule is not None:
-            parts.schedule.step()
-        if hasattr(parts.policy, "update"):
-            parts.policy.update()
-        found["optimiser/gradient_norm"] = norm
         for name, value in found.items():
             self._window[name] = self._window.get(name, 0.0) + value
         self._window_steps += 1
+        self._window_skipped += skips
 
     def _loss(self, batch: Batch) -> tuple[Any, dict[str, float]]:
         with self._precision():
@@ -210,12 +220,13 @@ class Learner:
 
     def _row(self) -> dict[str, float]:
         count = max(1, self._window_steps)
-        row = {name: value / count for name, value in self._window.items()}
+        norms = count - self._window_skipped
+        row = {name: value / (norms if name == _NORM else count) for name, value in self._window.items()}
         now_s = time.perf_counter()
         took_s, began_waited = max(now_s - self._began_s, 1e-9), self._waited_s
         waited_s = self._loader.waited_s if self._loader is not None else 0.0
         self._began_s, self._waited_s = now_s, waited_s
-        self._window, self._window_steps = {}, 0
+        self._window, self._window_steps, self._window_skipped = {}, 0, 0
         return {
             "steps": self.steps,
             "epoch": self.steps / self._order.updates_per_epoch,
@@ -244,6 +255,8 @@ class Learner:
             f"{', '.join(bad)} of the data set has values that are not numbers: run `joshua dataset check "
             f"{self._recording.dataset.folder}`"
             if bad
+            else 'set precision: "bfloat16", or lower learning_rate'
+            if self._scaler.is_enabled()
             else 'lower learning_rate or max_grad_norm, or set precision: "float32"'
         )
         return DivergedError(
@@ -279,6 +292,7 @@ class Learner:
             "total": self.total,
             "window": self._window,
             "window_steps": self._window_steps,
+            "window_skipped": self._window_skipped,
             "learning_rates": [group["lr"] for group in parts.optimiser.param_groups],
             "schedule": _plain(parts.schedule.state_dict()) if parts.schedule is not None else None,
             "scaler": self._scaler.state_dict() if self._scaler.is_enabled() else None,
@@ -320,6 +334,7 @@ class Learner:
                 torch.cuda.set_rng_state(arrays["generator.cuda"])
             self.steps = int(state["steps"])
             self._window, self._window_steps = dict(state["window"]), int(state["window_steps"])
+            self._window_skipped = int(state.get("window_skipped", 0))
         except (KeyError, TypeError, ValueError, RuntimeError) as error:
             if is_out_of_memory(error):
                 raise
