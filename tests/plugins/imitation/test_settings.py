@@ -95,6 +95,7 @@ def test_a_loss_that_a_policy_does_not_have_is_refused_at_its_line(
         ("hidden_size: 100", "hidden_size", "so a width of 100 does not fit"),
         ("lora_rank: 8", "lora_rank", "no effect with the policy act: it belongs to smolvla"),
         ('policy_type: "smolvla"', "policy_type", "it requires a checkpoint to start from"),
+        ('pretrained: "a/b" pretrained_backbone: true', "pretrained_backbone", "no effect with pretrained"),
         ('policy_type: "diffusion" chunk_size: 12', "chunk_size", "so 12 does not fit"),
         ("chunk_size: 8 actions_per_chunk: 9", "actions_per_chunk", "A chunk has 8 actions, so 9"),
         ("image_width: 64", "image_width", "image_width is set without image_height"),

@@ -5,14 +5,13 @@ from __future__ import annotations
 import copy
 import json
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
-from joshua_dataset.decoding import DatasetError
 from joshua_dataset.reader import Dataset
 from joshua_lerobot.checkpoint import CONFIG, DATASET, PREPROCESSOR, Checkpoint, CheckpointError
 from joshua_lerobot.hub import fetch
@@ -24,9 +23,7 @@ from joshua_imitation.batch_norm import learn_batch_norm
 from joshua_imitation.data import Windows
 from joshua_imitation.settings import ImitationSettings
 from joshua_imitation.start import read_start
-
-#: Mean and spread of the colours of ImageNet, which normalise the input of its pretrained networks.
-_IMAGENET = {"mean": (0.485, 0.456, 0.406), "std": (0.229, 0.224, 0.225)}
+from joshua_imitation.statistics import statistics
 
 _BACKBONE = "ResNet18_Weights.IMAGENET1K_V1"
 
@@ -212,7 +209,8 @@ def make_parts(
         policy.to(device)
     if settings.loss == "l1" and settings.policy_type == "diffusion":
         _learn_by_l1(policy)
-    before, after = make_pre_post_processors(config, dataset_stats=_statistics(settings, dataset, sizes))
+    known = statistics(dataset, sizes, settings.pretrained_backbone, continued or start)
+    before, after = make_pre_post_processors(config, dataset_stats=known)
     preset = config.get_optimizer_preset()
     base = policy.base_model.model if settings.lora_rank else policy
     parameters: Any = (
@@ -253,7 +251,8 @@ def _policy(
         kind = get_policy_class(settings.policy_type)
         if weights is None:
             return kind(config)
-        return kind.from_pretrained(weights, config=config, strict=True)
+        with _without_download(config):
+            return kind.from_pretrained(weights, config=config, strict=True)
     except ModuleNotFoundError as error:
         raise LibraryMissing(
             f"{settings.policy_type} requires {error.name}, which is not installed: install "
@@ -278,6 +277,20 @@ def _policy(
         ) from error
 
 
+@contextmanager
+def _without_download(config: Any) -> Iterator[None]:
+    """Make the image network without the weights of its configuration, which a checkpoint replaces."""
+    name = "pretrained_backbone_weights"
+    kept = getattr(config, name, None)
+    if kept is not None:
+        setattr(config, name, None)
+    try:
+        yield
+    finally:
+        if kept is not None:
+            setattr(config, name, kept)
+
+
 def _schedule(settings: ImitationSettings, config: Any, last: int) -> Any:
     """Return how the step size changes: LeRobot's description, None for a constant one."""
     if settings.learning_rate_schedule == "constant":
@@ -293,33 +306,6 @@ def _schedule(settings: ImitationSettings, config: Any, last: int) -> Any:
         peak_lr=rate,
         decay_lr=rate / 100,
     )
-
-
-def _statistics(
-    settings: ImitationSettings, dataset: Dataset, sizes: Mapping[str, tuple[int, int]]
-) -> dict[str, dict[str, Any]]:
-    wanted = {"action", "observation.state", "observation.environment_state", *sizes}
-    remedy = f"run `joshua dataset stats {dataset.folder} --write`"
-    try:
-        found = {
-            key: {name: torch.from_numpy(np.asarray(value, np.float32)) for name, value in values.items()}
-            for key, values in dataset.statistics().items()
-            if key in wanted
-        }
-    except DatasetError as error:
-        raise RunError(f"{error}: {remedy}") from error
-    for key, values in found.items():
-        if not all(bool(torch.isfinite(value).all()) for value in values.values()):
-            raise RunError(f"the statistics of {key} in {dataset.folder} are not numbers: {remedy}")
-    if settings.pretrained_backbone:
-        for key in sizes:
-            found.setdefault(key, {}).update(
-                {name: torch.tensor(value).reshape(3, 1, 1) for name, value in _IMAGENET.items()}
-            )
-    lacking = sorted((wanted & set(dataset.info["features"])) - set(found))
-    if lacking:
-        raise RunError(f"{dataset.folder} has no statistics of {', '.join(lacking)}: {remedy}")
-    return found
 
 
 def _adapted(policy: Any, settings: ImitationSettings, start: Path | None) -> Any:

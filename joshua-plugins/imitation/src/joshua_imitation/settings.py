@@ -208,6 +208,13 @@ class ImitationSettings(RunSettings):
                 "SmolVLA is fine-tuned: it requires a checkpoint to start from",
                 remedy='add pretrained: "lerobot/smolvla_base", or the folder of a checkpoint',
             )
+        if self.pretrained and self.pretrained_backbone:
+            yield _error(
+                "pretrained_backbone",
+                "pretrained_backbone has no effect with pretrained: the checkpoint has the weights of its "
+                "image network",
+                remedy="remove pretrained_backbone, or remove pretrained",
+            )
         if policy == "diffusion" and self.chunk_size is not None and self.chunk_size % 8:
             near = max(8, 8 * round(self.chunk_size / 8))
             yield _error(
