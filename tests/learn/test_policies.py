@@ -233,7 +233,6 @@ def test_a_type_or_a_field_that_this_lerobot_does_not_know_is_named(copy: Path) 
     said = refusal(changed(copy, type="act", warp=1))
     assert "config.json does not fit this LeRobot" in said
     assert "warp" in said
-    assert "is an adapter (PEFT), not a complete policy" in refusal(changed(copy, type="act", use_peft=True))
 
 
 def test_a_processor_that_this_lerobot_does_not_know_is_named(copy: Path) -> None:

@@ -187,6 +187,21 @@ def test_a_pickle_is_refused_with_the_way_to_convert_it(tmp_path: Path, weights:
     assert "policy.save_pretrained(FOLDER)" in remedy
 
 
+def test_an_adapter_is_refused_with_the_way_to_merge_it(tmp_path: Path, weights: Path):
+    config = json.loads((weights / "config.json").read_text())
+    (weights / "config.json").write_text(json.dumps(config | {"use_peft": True}))
+    ((message, _, remedy),) = findings(write_robot(tmp_path / "robot.pbtxt", "act"))
+    assert message == f"{weights} is an adapter (PEFT), not a complete policy."
+    (weights / "model.safetensors").rename(weights / "adapter_model.safetensors")
+    (weights / "adapter_config.json").write_text(json.dumps({"base_model_name_or_path": "acme/base"}))
+    for changed in (config | {"use_peft": True}, config):  # or an adapter alone
+        (weights / "config.json").write_text(json.dumps(changed))
+        ((message, _, remedy),) = findings(tmp_path / "robot.pbtxt")
+        assert message == f"{weights} is an adapter (PEFT), not a complete policy."
+        assert f"PeftModel.from_pretrained(BASE, '{weights}').merge_and_unload()" in remedy
+        assert "that LeRobot loads from acme/base; set policy.config.use_peft = False" in remedy
+
+
 def test_a_torn_file_is_found_by_its_length(tmp_path: Path, weights: Path):
     path = weights / "model.safetensors"
     path.write_bytes(path.read_bytes()[:-1])

@@ -17,6 +17,7 @@ CONFIG = "config.json"
 WEIGHTS = "model.safetensors"
 PREPROCESSOR = "policy_preprocessor.json"
 POSTPROCESSOR = "policy_postprocessor.json"
+ADAPTER = "adapter_config.json"
 
 #: The ``meta/info.json`` of the data set that a policy was trained on, kept beside its weights.
 DATASET = "dataset.json"
@@ -115,11 +116,27 @@ def read_checkpoint(folder: Path, *, weights: str = WEIGHTS) -> Checkpoint:
     config = _config(folder)
     inputs, outputs = (_features(folder, config, side) for side in ("input_features", "output_features"))
     if weights == WEIGHTS:
+        _refuse_adapter(folder, config)
         check_weights(folder)
         check_processors(folder)
     statistics, norms = _statistics(folder)
     dataset, fps = _dataset(folder)
     return Checkpoint(folder, str(config["type"]), config, inputs, outputs, statistics, norms, dataset, fps)
+
+
+def _refuse_adapter(folder: Path, config: Mapping[str, Any]) -> None:
+    """Raise CheckpointError for adapters, which PEFT keeps without the policy that they change."""
+    is_merged = not config.get("use_peft") and (folder / WEIGHTS).is_file()
+    has_adapter = (folder / ADAPTER).is_file()
+    if is_merged or not (config.get("use_peft") or has_adapter):
+        return
+    base = _json(folder / ADAPTER).get("base_model_name_or_path") if has_adapter else None
+    raise CheckpointError(
+        f"{folder} is an adapter (PEFT), not a complete policy",
+        f"Merge it in Python: policy = PeftModel.from_pretrained(BASE, {str(folder)!r}).merge_and_unload(), "
+        f"where BASE is the policy that LeRobot loads from {base or 'the checkpoint that was adapted'}; set "
+        "policy.config.use_peft = False, call policy.save_pretrained(FOLDER), and copy policy_* there",
+    )
 
 
 def check_weights(folder: Path) -> None:

@@ -161,12 +161,6 @@ def _config(checkpoint: Checkpoint, settings: PolicySettings, device: Any) -> An
             f"{', '.join(known)}. Install the version of LeRobot that trained it"
         )
     values = dict(checkpoint.config)
-    if values.get("use_peft"):
-        raise ModelError(
-            f"{checkpoint.folder} is an adapter (PEFT), not a complete policy. Merge it with its base policy "
-            "and save "
-            "the result with policy.save_pretrained(FOLDER)"
-        )
     chosen = {
         "device": str(device),
         "load_vlm_weights": False,  # they are in the checkpoint
