@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import pytest
+import tiny_policies
 import torch
+from joshua_dataset.reader import Dataset
 from joshua_imitation.build import build, is_emulated
+from joshua_imitation.policies import make_config
 from joshua_training.run_folder import RunError
+from learners import DIFFUSION, settings
 from learners import recording as recording
-from learners import settings
+from lerobot.policies import factory  # noqa: F401 (makes the policies known)
 
 
 def test_settings_that_lerobot_refuses_are_passed_on(
@@ -31,6 +36,32 @@ def test_settings_that_lerobot_refuses_are_passed_on(
     ):
         build(settings(recording, pretrained_backbone=True))
     assert list(place.glob("joshua-*")) == []
+
+
+def test_diffusion_leaves_out_the_frames_that_its_chunk_needs_after_them(
+    recording: Path, tmp_path: Path
+) -> None:
+    def made(**fields: Any) -> Any:
+        told = settings(recording, policy_type="diffusion", **{**DIFFUSION, "chunk_size": None, **fields})
+        return make_config(told, Dataset.read(recording), {"observation.images.top": (48, 64)}, "cpu")[0]
+
+    for fields in (
+        {},
+        {"actions_per_chunk": 4},
+        {"chunk_size": 8},
+        {"chunk_size": 8, "actions_per_chunk": 7},
+    ):
+        config = made(**fields)
+        assert config.n_action_steps == fields.get("actions_per_chunk", config.horizon // 2)
+        left_out = config.horizon - config.n_action_steps - config.n_obs_steps + 1  # as LeRobot states
+        assert config.drop_n_last_frames == left_out
+    tiny_policies.make_diffusion(tmp_path)
+    told = settings(recording, policy_type="diffusion", **DIFFUSION, actions_per_chunk=7)
+    far = told.model_copy(update={"pretrained": str(tmp_path), "chunk_size": None, "actions_per_chunk": 8})
+    with pytest.raises(
+        RunError, match=r"at most 7 of 8 actions are still .*, and 8 are not: write actions_p"
+    ):
+        make_config(far, Dataset.read(recording), {}, "cpu")
 
 
 def test_each_process_has_a_gpu_of_its_own(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -98,6 +98,12 @@ def test_a_loss_that_a_policy_does_not_have_is_refused_at_its_line(
         ('pretrained: "a/b" pretrained_backbone: true', "pretrained_backbone", "no effect with pretrained"),
         ('policy_type: "diffusion" chunk_size: 12', "chunk_size", "so 12 does not fit"),
         ("chunk_size: 8 actions_per_chunk: 9", "actions_per_chunk", "A chunk has 8 actions, so 9"),
+        (
+            'policy_type: "diffusion" chunk_size: 8 actions_per_chunk: 8',
+            "actions_per_chunk",
+            "begins at the first of its 2 observations, so at most 7 of 8 actions are still to be executed",
+        ),
+        ('policy_type: "diffusion" actions_per_chunk: 16', "actions_per_chunk", "at most 15 of 16 actions"),
         ("image_width: 64", "image_width", "image_width is set without image_height"),
         ('device: "cpu" precision: "float16"', "precision", "float16 requires cuda"),
         ('cameras: ["tpo"]', "cameras", "has no pictures of a camera 'tpo'"),
@@ -181,6 +187,15 @@ def test_a_checkpoint_that_cannot_be_used_is_refused(tmp_path: Path) -> None:
     (error,) = errors(tmp_path, 'pretrained: "start"')
     assert error.message == f"{tmp_path / 'start'} holds a policy of type smolvla."
     assert error.remedy.startswith('Set policy_type: "smolvla"')
+    write_checkpoint(tmp_path / "long", kind="diffusion", horizon=24, n_obs_steps=3)
+    fields = 'pretrained: "long" policy_type: "diffusion" actions_per_chunk: '
+    assert errors(tmp_path, fields + "22") == []
+    (error,) = errors(tmp_path, fields + "23")
+    assert error.field_path == "ai.training.imitation_config.actions_per_chunk"
+    assert (error.allowed, error.remedy) == (
+        ("1 to 22",),
+        "Write actions_per_chunk: 22, or raise chunk_size.",
+    )
     (tmp_path / "start" / "model.safetensors").write_bytes(b"torn")
     (error,) = errors(tmp_path, 'pretrained: "start" policy_type: "smolvla"')
     assert "model.safetensors" in error.message

@@ -97,6 +97,8 @@ def make_config(
         start, values, inner = found.folder, dict(found.config), inner_folder(found)
         if inner is not None:
             values |= {"vlm_model_name": str(inner), "load_vlm_weights": False}
+    for problem in settings.executed_problems(values):
+        raise RunError(f"{problem}: {problem.remedy}")
     values |= _chosen(settings, values) | {"device": device, "push_to_hub": False, "use_amp": False}
     for name in ("input_features", "output_features"):
         values.pop(name, None)
@@ -140,13 +142,11 @@ def _chosen(settings: ImitationSettings, values: Mapping[str, Any]) -> dict[str,
     if policy == "diffusion":
         if (width := settings.hidden_size) is not None:
             chosen["down_dims"] = [width, 2 * width, 4 * width]
-        if chunk is not None:
-            past = int(values.get("n_obs_steps", 2))
-            actions = settings.actions_per_chunk or max(1, chunk // 2)
-            chosen |= {"horizon": chunk, "n_action_steps": actions}
-            chosen["drop_n_last_frames"] = max(0, chunk - actions - past + 1)
-        elif settings.actions_per_chunk is not None:
-            chosen["n_action_steps"] = settings.actions_per_chunk
+        if chunk is not None or settings.actions_per_chunk is not None:
+            horizon, past = settings.diffusion_window(values)
+            most = horizon - past + 1
+            actions = settings.actions_per_chunk or min(max(1, horizon // 2), most)
+            chosen |= {"horizon": horizon, "n_action_steps": actions, "drop_n_last_frames": most - actions}
     else:
         if chunk is not None:
             chosen |= {"chunk_size": chunk, "n_action_steps": chunk}

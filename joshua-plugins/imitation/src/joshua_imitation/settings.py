@@ -1,4 +1,7 @@
-"""Settings of the trainer: the fields of ``imitation_config``, and those that a policy fixes."""
+"""Settings of the trainer: the fields of ``imitation_config``, and those that a policy fixes.
+
+Why one file: a validation reports the problems of all fields at once, and most concern several of them.
+"""
 
 from __future__ import annotations
 
@@ -231,7 +234,10 @@ class ImitationSettings(RunSettings):
                 allowed=(str(near),),
                 remedy=f"write hidden_size: {near}",
             )
-        if self.actions_per_chunk and self.chunk_size and self.actions_per_chunk > self.chunk_size:
+        if policy == "diffusion":
+            if not self.pretrained:
+                yield from self.executed_problems({})
+        elif self.actions_per_chunk and self.chunk_size and self.actions_per_chunk > self.chunk_size:
             yield _error(
                 "actions_per_chunk",
                 f"A chunk has {self.chunk_size} actions, so {self.actions_per_chunk} cannot be executed",
@@ -251,6 +257,27 @@ class ImitationSettings(RunSettings):
                 f"float16 requires cuda, but the device is {self.device}",
                 allowed=('"bfloat16"', '"float32"'),
                 remedy='write precision: "bfloat16" or "float32"',
+            )
+
+    def diffusion_window(self, config: Mapping[str, Any]) -> tuple[int, int]:
+        """Return the actions of a chunk of Diffusion, and the observations that it begins with.
+
+        Args:
+            config: of the checkpoint to start from; what is not there is LeRobot's default.
+        """
+        return self.chunk_size or int(config.get("horizon", 16)), int(config.get("n_obs_steps", 2))
+
+    def executed_problems(self, config: Mapping[str, Any]) -> Iterator[FieldError]:
+        """Yield that Diffusion cannot execute so many actions of a chunk. For ``config``, see above."""
+        chunk, past = self.diffusion_window(config)
+        most = chunk - past + 1
+        if self.policy_type == "diffusion" and (self.actions_per_chunk or 0) > most:
+            yield _error(
+                "actions_per_chunk",
+                f"A chunk of diffusion begins at the first of its {past} observations, so at most {most} of "
+                f"{chunk} actions are still to be executed, and {self.actions_per_chunk} are not",
+                allowed=(f"1 to {most}",),
+                remedy=f"write actions_per_chunk: {most}, or raise chunk_size",
             )
 
     def _group_problems(self) -> Iterator[FieldError]:
@@ -369,7 +396,8 @@ class ImitationSettings(RunSettings):
         found = folder if folder.is_dir() else cached(self.pretrained)
         try:
             if found is not None:
-                read_start(found, self.policy_type, self.dataset, features)
+                start = read_start(found, self.policy_type, self.dataset, features)
+                yield from self.executed_problems(start.config)
         except CheckpointError as error:
             yield _error("pretrained", error.message, remedy=error.remedy)
 
