@@ -91,7 +91,7 @@ CHANGES: list[dict[str, Any]] = [
     {"seed": 2},
     {"chunk_size": 4},
     {"cameras": ("top",)},
-    {"image_width": 32, "image_height": 32},
+    {"image_width": 32, "image_height": 24},
     {"validation_share": 0.5},
     {"colour_jitter": 0.3},
     {"shift_px": 3},

@@ -38,6 +38,12 @@ def test_settings_that_lerobot_refuses_are_passed_on(
     assert list(place.glob("joshua-*")) == []
 
 
+def test_pictures_of_a_data_set_that_is_fetched_are_not_distorted_either(recording: Path) -> None:
+    seen = settings(recording, cameras=("top",), image_width=64, image_height=48)
+    with pytest.raises(RunError, match=r"Pictures of top are 64 × 48, and 64 × 64 would .*: write image_wid"):
+        build(seen.model_copy(update={"image_height": 64}))
+
+
 def test_diffusion_leaves_out_the_frames_that_its_chunk_needs_after_them(
     recording: Path, tmp_path: Path
 ) -> None:

@@ -215,7 +215,7 @@ def network(**fields):
     refused(lambda: build(learners.settings(data, **fields)))
 
 
-large = dict(image_width=2400, image_height=2400, picture_cache_mb=0, validation_share=0.0)
+large = dict(image_width=2784, image_height=2088, picture_cache_mb=0, validation_share=0.0)
 learner = build(learners.settings(data, **large)).learner(RunFolder(folder))
 learner.save()
 status = Path("/proc/self/status").read_text()

@@ -121,6 +121,31 @@ def test_what_does_not_fit_together_is_named(tmp_path: Path, fields: str, at: st
     assert error.remedy
 
 
+@pytest.mark.parametrize("size", [(32, 24), (96, 72), (85, 64), (86, 64)])
+def test_pictures_keep_their_proportions(tmp_path: Path, size: tuple[int, int]) -> None:
+    width, height = size
+    assert errors(tmp_path, f"image_width: {width} image_height: {height}") == []
+
+
+def test_a_size_that_distorts_pictures_is_refused_with_the_nearest_that_fit(tmp_path: Path) -> None:
+    (error,) = errors(tmp_path, "image_width: 128 image_height: 128")
+    assert error.field_path == "ai.training.imitation_config.image_width"
+    assert error.message == (
+        "Pictures of top are 64 × 48, and 128 × 128 would distort them: the robot's camera and a simulation "
+        "make no such pictures."
+    )
+    assert error.allowed == ("128 × 96", "171 × 128")
+    assert error.remedy == (
+        "Write image_width: 128 image_height: 96 or image_width: 171 image_height: 128, or remove both."
+    )
+    wide = {"dtype": "video", "shape": [3, 36, 64], "names": ["channels", "height", "width"]}
+    described(tmp_path, features=FEATURES | {"observation.images.side": wide})
+    (error,) = errors(tmp_path, "image_width: 32 image_height: 24")
+    assert error.message.startswith("Pictures of side are 64 × 36, and 32 × 24 would distort them")
+    assert error.remedy.startswith("Remove image_width and image_height, or name cameras of the same propor")
+    assert errors(tmp_path, 'cameras: ["top"] image_width: 32 image_height: 24') == []
+
+
 def test_a_training_on_the_robot_requires_a_model_and_an_arm(tmp_path: Path) -> None:
     found = errors(tmp_path, environment="ENV_REAL")
     assert [item.code for item in found] == ["mode-lacks-model", "mode-lacks-actuator"]

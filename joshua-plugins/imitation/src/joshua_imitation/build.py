@@ -14,12 +14,13 @@ from joshua_training.memory import remedied
 from joshua_training.run_folder import RunError, RunFolder, unusable
 
 from joshua_imitation.augmentation import Augmentation
-from joshua_imitation.data import Recording, open_dataset, refuse_other_data
+from joshua_imitation.data import PICTURES, Recording, open_dataset, refuse_other_data
 from joshua_imitation.group import Group
 from joshua_imitation.learner import POLICY, Learner, read_state
 from joshua_imitation.loader import Maker, Order
 from joshua_imitation.pictures import Album
 from joshua_imitation.policies import MORE_MEMORY, make_parts
+from joshua_imitation.proportions import distortion
 from joshua_imitation.settings import ImitationSettings
 
 
@@ -84,6 +85,12 @@ def build(
             if settings.image_height is not None and settings.image_width is not None
             else None
         )
+        shapes = {key: dataset.features[key].shape for key in recording.pictures}
+        recorded = {
+            key.removeprefix(PICTURES): (height, width) for key, (height, width, *_) in shapes.items()
+        }
+        if size is not None and (problem := distortion(recorded, size)) is not None:
+            raise RunError(f"{problem}: {problem.remedy}")
         learned, kept_back = recording.split(settings.validation_share, settings.seed)
         album = Album(recording, size, settings.picture_cache_mb, shared)
         undo.callback(album.close)
@@ -117,14 +124,14 @@ def build(
     maker = Maker(recording, album, parts.windows, augmentation)
     judge = Maker(recording, album, parts.windows)
     judged = recording.frames(kept_back if judges else [], parts.drop_last)
-    shapes = {**parts.config.input_features, **parts.config.output_features}
+    described = {**parts.config.input_features, **parts.config.output_features}
     return Built(
         learner=lambda folder: Learner(
             settings, parts, recording, maker, judge, order, judged, last, folder, group
         ),
         album=album,
         group=group,
-        features={key: list(feature.shape) for key, feature in shapes.items()},
+        features={key: list(feature.shape) for key, feature in described.items()},
         weights=sum(weight.numel() for weight in parts.policy.parameters() if weight.requires_grad),
         frames=len(recording.frames(learned, parts.drop_last)),
         learned=len(learned),

@@ -6,11 +6,12 @@ Why one file: a validation reports the problems of all fields at once, and most 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from joshua.api import BlockContext, FieldError, FieldErrors
+from joshua.features import FeatureSet
 from joshua_lerobot.checkpoint import CheckpointError
 from joshua_lerobot.hub import cached
 from joshua_training.settings import RunSettings
@@ -18,6 +19,7 @@ from pydantic import model_validator
 from typing_extensions import Self
 
 from joshua_imitation.arms import joined_features
+from joshua_imitation.proportions import distortion
 from joshua_imitation.start import read_start
 
 #: Losses that each policy supports, its own first.
@@ -386,7 +388,22 @@ class ImitationSettings(RunSettings):
                     allowed=tuple(f'"{name}"' for name in known),
                     remedy="name cameras of the data set",
                 )
+        yield from self._picture_problems(features, known)
         yield from self._start_problems(features)
+
+    def _picture_problems(self, features: Mapping[str, Any], known: Sequence[str]) -> Iterator[FieldError]:
+        """Yield that pictures would be distorted."""
+        if self.image_width is None or self.image_height is None:
+            return
+        recorded = {}
+        for name in (name for name in known if not self.cameras or name in self.cameras):
+            try:
+                shape = FeatureSet.from_lerobot({name: features[_PICTURES + name]})[name].shape
+            except (KeyError, TypeError, ValueError, AttributeError):
+                continue  # reading the data set reports it
+            recorded[name] = shape[0], shape[1]
+        if (problem := distortion(recorded, (self.image_height, self.image_width))) is not None:
+            yield problem
 
     def _start_problems(self, features: Mapping[str, Any]) -> Iterator[FieldError]:
         """Yield what is wrong with the checkpoint to start from, if it is on this machine."""
