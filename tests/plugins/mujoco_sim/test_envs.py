@@ -262,6 +262,34 @@ def test_observations_are_about_one(name: str) -> None:
     assert np.median(np.abs(everything), axis=0).max() < 2.5
 
 
+@pytest.mark.parametrize("value", [1e12, np.nan])
+@pytest.mark.parametrize("name", ["joshua/SoArm100Reach-v0", "joshua/SoArm100PickPlace-v0"])
+def test_a_simulation_that_diverges_ends_its_episode_and_pays_nothing(name: str, value: float) -> None:
+    one, still = (make_environment(name, disable_env_checker=True).unwrapped for _ in range(2))
+    many = TermVectorEnv(TASKS[name], 2)
+    for environment in (one, still, many):
+        environment.reset(seed=0)
+    many.reset(seed=[None, 0])
+    one.state.qvel[0, 0] = many.state.qvel[0, 0] = value
+    observation, reward, terminated, _, info = one.step(np.zeros(6))
+    observations, rewards, ended, _, infos = many.step(np.zeros((2, 6)))
+    expected = still.step(np.zeros(6))
+    assert (reward, terminated) == (0.0, True)
+    assert info["ended_by"] == ["diverged"]
+    assert not info["is_success"]
+    assert not any(info["reward_terms"].values())
+    assert not observation.any()
+    assert all(np.isfinite(place).all() for place in info["objects"].values())
+    assert rewards.tolist() == [0.0, expected[1]]
+    assert ended.tolist() == [True, False]
+    assert infos["reward_terms"]["action_change"].tolist() == [0.0, 0.0]
+    assert not observations[0].any()
+    assert np.array_equal(observations[1], expected[0])
+    rewards, ended = many.step(np.zeros((2, 6)))[1:3]
+    assert (rewards[0], ended[0]) == (0.0, False)
+    assert np.isfinite(many.state.qpos).all()
+
+
 def test_objects_are_in_info() -> None:
     name = "joshua/SoArm100PickPlace-v0"
     one = make_environment(name).unwrapped

@@ -56,7 +56,7 @@ class TensorArrays:
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         """Functions of one or two tensors that PyTorch names and defines as NumPy does."""
-        if name not in ("sqrt", "tanh", "abs", "isfinite", "cos", "sin", "hypot", "zeros_like"):
+        if name not in ("sqrt", "tanh", "abs", "cos", "sin", "hypot", "zeros_like"):
             raise AttributeError(f"TensorArrays has no {name}: add it for the term that calls it")
         function: Callable[..., Any] = getattr(torch, name)
         return function

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 from joshua_mujoco_sim.catalog import PACKAGED_MODELS
+from joshua_mujoco_sim.envs import common_terms as common
 from joshua_mujoco_sim.envs.starts import Start
 from joshua_mujoco_sim.envs.state import SingleState
 from joshua_mujoco_sim.envs.terms import Evaluator, Task
@@ -200,8 +201,8 @@ class MjxEnvironments:
         carry["potentials"] = potentials
         ended, success, _ = evaluator.judged(state)
         # MuJoCo itself resets a simulation that diverges; here its numbers end with the episode. Its limit
-        # keeps squares finite in single precision; NaN is not below it
-        sound = _bounded(carry["qpos"]) & _bounded(carry["qvel"])
+        # keeps squares finite in single precision
+        sound = ~common.diverged(state)
         ended, success = ended | ~sound, success & sound
         rewards = jnp.where(sound, rewards, 0.0)
         final = _chosen(sound, evaluator.observed(state), jnp.float32(0.0))
@@ -268,11 +269,6 @@ def variant_of(model_path: str) -> str:
     """Return the variant of a packaged model for accelerators; other models are simulated as they are."""
     found = {model.name: model.mjx for model in PACKAGED_MODELS}
     return found.get(model_path) or model_path
-
-
-def _bounded(values: Any) -> Any:
-    """Return in which simulations all values are below the limit of MuJoCo's own check, shape (N,)."""
-    return (jnp.abs(values) < mujoco.mjMAXVAL).all(axis=1)
 
 
 def _chosen(rows: Any, one: Any, other: Any) -> Any:

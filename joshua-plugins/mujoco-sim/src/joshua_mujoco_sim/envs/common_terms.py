@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import mujoco
+
 from joshua_mujoco_sim.envs.starts import Draws, Start, with_values
 from joshua_mujoco_sim.envs.state import State, square_sum
 
@@ -54,9 +56,11 @@ def joint_speed(state: State, *, qvel: Any = slice(None)) -> Any:
     return square_sum(state.qvel[:, qvel])
 
 
-def not_finite(state: State) -> Any:
-    """Return whether the simulation has diverged."""
-    return ~state.xp.isfinite(state.qvel.sum(axis=1))
+def diverged(state: State) -> Any:
+    """Return whether a position or speed is beyond the limit of MuJoCo's own check, or not a number."""
+    size, limit = state.xp.abs, mujoco.mjMAXVAL
+    # NaN is not below the limit
+    return ~((size(state.qpos) < limit).all(axis=1) & (size(state.qvel) < limit).all(axis=1))
 
 
 def noisy_joints(

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
+import mujoco
 import numpy as np
 
 from joshua_mujoco_sim.envs.pixels import SIZE, Observer, first, refuse_unseen
@@ -54,7 +55,7 @@ class TermEnv(gymnasium.Env[Any, Any]):
         height: int = SIZE[1],
     ) -> None:
         self.task = make_task(task, reward_function, weights, randomise)
-        model = load_model(self.task.model_path)
+        model = task_model(self.task)
         self.metadata = {
             "render_modes": ["rgb_array"],
             "render_fps": round(1 / (self.task.frame_skip * model.opt.timestep)),
@@ -186,6 +187,14 @@ def make_task(
             "remove it"
         )
     return made.with_resets(*made.randomisation)
+
+
+def task_model(task: Task) -> mujoco.MjModel:
+    """Compile the model of a task. Raises ModelError, see ``load_model``."""
+    model = load_model(task.model_path)
+    if any(term.failure for term in task.terminations):
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    return model
 
 
 def shown_cameras(task: Task, observation_mode: str, cameras: Sequence[str]) -> Sequence[str]:

@@ -43,7 +43,7 @@ def _smooth(action_change: float) -> tuple[RewardTerm, ...]:
     )
 
 
-_DIVERGED = TerminationTerm("diverged", common.not_finite)
+_DIVERGED = TerminationTerm("diverged", common.diverged, failure=True)
 
 #: Randomised physics of the arm, which ``randomise=True`` adds.
 ARM_RANDOMISATION = (

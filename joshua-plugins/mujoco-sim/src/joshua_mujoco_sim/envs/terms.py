@@ -9,6 +9,7 @@ the array module of the state, and so does ``Evaluator`` in ``observed``, ``cont
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -69,12 +70,15 @@ class TerminationTerm:
 
     Attributes:
         success: the task was done, which ``info["is_success"]`` says.
+        failure: the simulation itself failed. The step is worth nothing then, its observation and objects are
+            zeros, and no other reason holds. MuJoCo does not restart such a simulation by itself.
     """
 
     name: str
     function: Callable[..., Any]
     parameters: Mapping[str, Any] = field(default_factory=dict)
     success: bool = False
+    failure: bool = False
 
 
 @dataclass(frozen=True)
@@ -213,6 +217,7 @@ class Evaluator:
             term.name: np.zeros(state.count) for term in task.rewards if term.potential and term.weight
         }
         self._end = [(t.name, t.success, t.function, dict(t.parameters)) for t in task.terminations]
+        self._failures = {t.name: (t.function, dict(t.parameters)) for t in task.terminations if t.failure}
         self._nominal: dict[str, Any] = {}
 
     def act(self, actions: Any) -> None:
@@ -235,22 +240,31 @@ class Evaluator:
 
     def observation(self) -> Any:
         """All observation terms side by side, scaled, shape (N, K), float32."""
-        return self.observed(self._state)
+        failed = self._failed()
+        with _quiet(failed):
+            return _zeroed(self.observed(self._state), failed)
 
     def reward(self) -> tuple[FloatArray, dict[str, FloatArray]]:
         """The weighted sum, shape (N,), and each weighted term by name."""
-        total, terms, potentials = self.rewarded(self._state, self.potentials)
+        failed = self._failed()
+        with _quiet(failed):
+            total, terms, potentials = self.rewarded(self._state, self.potentials)
         for name, values in potentials.items():
             self.potentials[name] = np.array(values)
-        return total, terms
+        return _zeroed(total, failed), {name: _zeroed(values, failed) for name, values in terms.items()}
 
     def terminated(self) -> tuple[Any, Any, dict[str, Any]]:
         """Whether each episode ends, whether with success, and each reason by name; shape (N,)."""
-        return self.judged(self._state)
+        failed = self._failed()
+        with _quiet(failed):
+            ended, success, reasons = self.judged(self._state)
+        others = {name: _zeroed(reasons[name], failed) for name in reasons if name not in self._failures}
+        return ended, _zeroed(success, failed), reasons | others
 
     def objects(self) -> dict[str, Any]:
         """The state of each object, by name, shape (N, k)."""
-        return {name: np.array(function(self._state)) for name, function in self._task.objects.items()}
+        failed, objects = self._failed(), self._task.objects
+        return {name: _zeroed(np.array(show(self._state)), failed) for name, show in objects.items()}
 
     def reset(self, ids: IntArray, generators: Generators) -> None:
         """Start some episodes."""
@@ -335,11 +349,33 @@ class Evaluator:
             if name in self.potentials
         }
 
+    def _failed(self) -> Any:
+        """Return in which simulations a failure holds, shape (N,); None where it does in none."""
+        failed = None
+        for function, parameters in self._failures.values():
+            found = function(self._state, **parameters)
+            failed = found if failed is None else failed | found
+        return failed if failed is not None and failed.any() else None
+
     def _nominal_of(self, field_name: str) -> Any:
         found = self._nominal.get(field_name)
         if found is None:
             found = self._nominal[field_name] = np.array(self._state.parameter(field_name)[0])
         return found
+
+
+def _quiet(failed: Any) -> Any:
+    """Return a context in which the numbers of failed simulations cause no warnings."""
+    return nullcontext() if failed is None else np.errstate(over="ignore", invalid="ignore")
+
+
+def _zeroed(values: Any, failed: Any) -> Any:
+    """Return values, shape (N, …), with zeros for failed simulations."""
+    if failed is None:
+        return values
+    kept = np.array(values)
+    kept[failed] = 0
+    return kept
 
 
 def _resolved(constant: Constant, model: mujoco.MjModel, size: int) -> FloatArray:

@@ -11,10 +11,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from joshua_mujoco_sim.envs.pixels import SIZE, Observer, refuse_unseen
-from joshua_mujoco_sim.envs.single import make_task, shown_cameras
+from joshua_mujoco_sim.envs.single import make_task, shown_cameras, task_model
 from joshua_mujoco_sim.envs.state import BatchState, IntArray
 from joshua_mujoco_sim.envs.terms import Evaluator, Task
-from joshua_mujoco_sim.model_file import load_model
 
 #: Fields of the model that the randomisation of servos varies, beside those that its terms name.
 SERVO_FIELDS = ("actuator_gainprm", "actuator_biasprm")
@@ -76,7 +75,7 @@ class TermVectorEnv(VectorEnv[Any, Any, Any]):
     ) -> None:
         self.task = make_task(task, reward_function, weights, randomise)
         self._max_steps = max_episode_steps or self.task.max_steps
-        model = load_model(self.task.model_path)
+        model = task_model(self.task)
         self.num_envs = num_envs
         mode = AutoresetMode(autoreset_mode)
         if mode is AutoresetMode.DISABLED:
