@@ -62,7 +62,8 @@ def make_vector_environment(
         environment_id: such as ``joshua/SoArm100Reach-v0``.
         reward_function: name of a reward of its task; "" for the default.
         num_envs: how many; seed: of the first one, the k-th has ``seed + k``; None for none in particular.
-        options: further arguments of the environment, such as ``randomise=True``.
+        options: further arguments of the environment, such as ``randomise=True``, and of the vector, such as
+            ``autoreset_mode``. ``threads`` has no effect where they run one after the other.
 
     Raises:
         ValueError: the id or the reward is unknown; lists those that are known.
@@ -72,11 +73,15 @@ def make_vector_environment(
     if reward_function:
         options["reward_function"] = reward_function
     together = importlib.util.find_spec("mujoco.batch") is not None
+    if together:
+        mode, vector = "vector_entry_point", None
+    else:
+        # a single environment knows neither: there the vector of Gymnasium restarts episodes, on one thread
+        mode = "sync"
+        vector = {"autoreset_mode": options.pop("autoreset_mode", "NextStep")}
+        options.pop("threads", None)
     made = gymnasium.make_vec(
-        environment_id,
-        num_envs=num_envs,
-        vectorization_mode="vector_entry_point" if together else "sync",
-        **options,
+        environment_id, num_envs=num_envs, vectorization_mode=mode, vector_kwargs=vector, **options
     )
     made.reset(seed=seed)
     return made
