@@ -33,20 +33,21 @@ def test_recorded_goals_make_the_same_episode_again(
     rows = list(zip(*columns, strict=True))
     for episode in (0, 1):
         environment.reset(seed=episode)
-        succeeded = []
+        succeeded, earned, ended = [], 0.0, []
         for _, state, action in (row for row in rows if row[0] == episode):
             assert environment.state.qpos[0] == pytest.approx(state, abs=2e-3)
-            *_, info = environment.step(np.array(action))
+            _, reward, terminated, _, info = environment.step(np.array(action))
+            earned += 0.0 if any(ended) else reward
+            ended.append(terminated and not any(ended))
             succeeded.append(info["is_success"])
         assert succeeded.index(True) == len(succeeded) - 1 - AFTER_STEPS
-        recorded = [
-            bool(value[0])
-            for value, row in zip(table["next.success"], rows, strict=True)
-            if row[0] == episode
-        ]
-        assert recorded == succeeded
+        of_episode = np.array([row[0] == episode for row in rows])
+        recorded = {key: np.ravel(table[f"next.{key}"])[of_episode] for key in ("success", "done", "reward")}
+        assert recorded["success"].tolist() == succeeded
+        assert recorded["done"].tolist() == ended
+        assert recorded["reward"].sum() == pytest.approx(earned, abs=1e-4)
+        assert 9 < earned < 20
     rewards = table["next.reward"]
-    assert max(value[0] for value in rewards) > 9
     assert len(table["info.goal"][0]) == 3
     terms = [key for key in table if key.startswith("info.reward.")]
     assert terms == [f"info.reward.{term.name}" for term in environment.task.rewards]

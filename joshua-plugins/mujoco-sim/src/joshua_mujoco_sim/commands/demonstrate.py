@@ -154,6 +154,7 @@ class Recorder:
             Feature.joints(ACTION, joints),
             Feature("next.reward", "float32", (1,)),
             Feature("next.success", "float32", (1,)),
+            Feature("next.done", "bool", (1,)),
             *(Feature(f"info.reward.{name}", "float32", (1,)) for name in terms),
             *(Feature(f"info.{key}", "float32", value.shape) for key, value in info["objects"].items()),
         ]
@@ -169,7 +170,11 @@ class Recorder:
         return int(self._writer.episodes)
 
     def episode(self, expert: Any, seed: int, task: str) -> bool:
-        """Run one episode to some steps after its success, else drop it. Raises EpisodeError."""
+        """Run one episode to some steps after its success, else drop it. Raises EpisodeError.
+
+        The environment ends its episode with the success: ``next.done`` marks this step, and later ones earn
+        nothing.
+        """
         import numpy as np
         from joshua.features import ACTION, STATE, Frame
 
@@ -188,10 +193,12 @@ class Recorder:
             observation, reward, terminated, _, info = environment.step(expert.act())
             success = info["is_success"]
             frame[ACTION] = state.ctrl[0].astype(np.float32)
-            frame["next.reward"] = np.array([reward], np.float32)
+            earns = 0.0 if succeeded else 1.0
+            frame["next.reward"] = np.array([earns * reward], np.float32)
             frame["next.success"] = np.array([success], np.float32)
+            frame["next.done"] = np.array([terminated and not succeeded])
             frame |= {
-                f"info.reward.{name}": np.array([value], np.float32)
+                f"info.reward.{name}": np.array([earns * value], np.float32)
                 for name, value in info["reward_terms"].items()
             }
             self._writer.add_frame(Frame(round(step * 1e9 / self.fps), frame))
