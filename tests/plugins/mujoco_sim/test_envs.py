@@ -8,6 +8,7 @@ from dataclasses import replace
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.spaces import Box
 from gymnasium.utils.env_checker import check_env
 from joshua.features import ACTION, STATE
 from joshua_mujoco_sim.envs import TASKS, TermEnv, TermVectorEnv, make_environment
@@ -251,12 +252,16 @@ def test_a_bad_action_leaves_no_trace(bad: float) -> None:
     assert many.step(np.stack([action, action]))[1][0] == expected[1]
 
 
+@pytest.mark.parametrize("mode", ["delta", "absolute"])
 @pytest.mark.parametrize("name", ["joshua/SoArm100Reach-v0", "joshua/SoArm100PickPlace-v0"])
-def test_observations_are_about_one(name: str) -> None:
-    many = TermVectorEnv(TASKS[name], 16)
+def test_observations_are_about_one(name: str, mode: str) -> None:
+    many = TermVectorEnv(TASKS[name], 16, action_mode=mode)
+    assert many.features["observation.last_action"].unit == many.features[ACTION].unit
     seen = [many.reset(seed=0)[0]]
     chance = np.random.default_rng(0)
-    seen += [many.step(chance.uniform(-1, 1, (16, 6)))[0] for _ in range(70)]
+    space = many.single_action_space
+    assert isinstance(space, Box)
+    seen += [many.step(chance.uniform(space.low, space.high, (16, 6)))[0] for _ in range(70)]
     everything = np.concatenate(seen)
     assert np.abs(everything).max() < 6.0
     assert np.median(np.abs(everything), axis=0).max() < 2.5

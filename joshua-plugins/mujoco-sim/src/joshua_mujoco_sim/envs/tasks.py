@@ -31,7 +31,14 @@ _ARM_OBSERVATIONS = (
 #: What an action of the arm can mean: a change of the goals, or the goals themselves as data sets hold them.
 _ARM_ACTIONS = {
     "delta": ActionMode(arm.move_goals),
-    "absolute": ActionMode(arm.take_goals, arm.lowest_goals, arm.highest_goals, arm.present_goals, "rad"),
+    "absolute": ActionMode(
+        arm.take_goals,
+        arm.lowest_goals,
+        arm.highest_goals,
+        arm.present_goals,
+        "rad",
+        shown={"last_action": {"unit": "rad", **_SERVOS}, "lead": {"scale": arm.half_ranges}},
+    ),
 }
 
 

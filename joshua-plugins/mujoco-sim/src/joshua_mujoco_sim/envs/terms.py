@@ -100,6 +100,7 @@ class ActionMode:
     Attributes:
         low, high: of the action space; start: the action that stands for doing nothing at a start, from the
             state, None for zeros; unit: of an action.
+        shown: fields of observation terms that this mode changes, such as scales, by name of the term.
     """
 
     function: Callable[[State], Any]
@@ -107,6 +108,7 @@ class ActionMode:
     high: Constant = 1.0
     start: Callable[[State], Any] | None = None
     unit: str = ""
+    shown: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -190,12 +192,13 @@ class Evaluator:
                 f"{task.model_path} has no action mode {name!r}: choose {' or '.join(task.actions)}"
             )
         self._mode = task.actions[name]
-        self._observe = [(term.function, dict(term.parameters)) for term in task.observations]
+        observations = [replace(term, **self._mode.shown.get(term.name, {})) for term in task.observations]
+        self._observe = [(term.function, dict(term.parameters)) for term in observations]
         width = 0
         features, offsets, scales = [], [], []
         model = state.model
         joints = [model.joint(i).name for i in range(model.njnt)]
-        for term in task.observations:
+        for term in observations:
             size = term.function(state, **term.parameters).shape[1]
             width += size
             names = tuple(joints[term.joints]) if term.joints is not None else ()
