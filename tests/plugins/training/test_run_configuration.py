@@ -10,9 +10,12 @@ from joshua.plan import NodeSpec
 from joshua.planner.pipeline import examine
 from joshua.planner.request import Request
 from joshua.testing.recording_context import RecordingContext
+from joshua_training.settings import SAVE_S
+from joshua_training.tracking import CLOSE_S
 from joshua_training.trainer import RunNode
 
-PRESET = Path(__file__).parents[3] / "configs" / "training_rl_ppo.pbtxt"
+PRESETS = Path(__file__).parents[3] / "configs"
+PRESET = PRESETS / "training_rl_ppo.pbtxt"
 MORE = "ai { training { rl_config { gae_lambda: 0.5 } } }\n"
 
 
@@ -56,3 +59,9 @@ def test_the_configuration_of_a_run_starts_the_same_run_again(
     assert again.settings == spec.settings
     assert again.facts.environment == spec.facts.environment
     assert again.facts.configuration == spec.facts.configuration
+
+
+@pytest.mark.parametrize("name", ["eval", "imitation", "rl_isaac", "rl_mjx", "rl_ppo"])
+def test_a_stop_waits_for_the_last_files_and_for_the_services(name: str) -> None:
+    spec = trainer_of(PRESETS / f"training_{name}.pbtxt")
+    assert spec.facts.stop_timeout_s > SAVE_S + CLOSE_S

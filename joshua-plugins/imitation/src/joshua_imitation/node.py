@@ -16,14 +16,13 @@ from joshua_training.clusters import on_cluster
 from joshua_training.run_folder import LibraryMissing, RunError, refuse_other
 from joshua_training.trainer import LearningNode
 
-from joshua_imitation.settings import SAVE_S, ImitationSettings
+from joshua_imitation.settings import ImitationSettings
 
 
 class ImitationTrainer(LearningNode):
     """Trains a policy of LeRobot on recorded episodes, and ends the run when all epochs are done."""
 
     UNIT = "updates"
-    SAVE_S = SAVE_S
     SHOWN = (
         ("loss/train", "loss {:.4g}"),
         ("loss/validation", "validation {:.4g}"),

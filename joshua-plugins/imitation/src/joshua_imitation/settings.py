@@ -44,9 +44,6 @@ _ONLY = {
 
 _PICTURES = "observation.images."
 
-#: How long a stop waits for the last checkpoint.
-SAVE_S = 60.0
-
 
 class ImitationSettings(RunSettings):
     """Settings of a training; None leaves a choice to the policy.
@@ -124,11 +121,6 @@ class ImitationSettings(RunSettings):
     def ready_timeout_s(self) -> float:
         """Time to import PyTorch and LeRobot, and to fetch data set and checkpoint."""
         return 3600.0
-
-    @property
-    def stop_timeout_s(self) -> float:
-        """Time to end an update and to write the last checkpoint."""
-        return SAVE_S + 10.0
 
     @property
     def is_on_robot(self) -> bool:

@@ -13,7 +13,7 @@ from joshua.tools import load_target
 from joshua_ppo_trainer.node import RlTrainer
 from joshua_training.run_folder import LibraryMissing, RunError
 
-from joshua_mjx_trainer.settings import SAVE_S, MjxSettings
+from joshua_mjx_trainer.settings import MjxSettings
 
 #: Threads that XLA uses on a CPU at least; with fewer, it waits for ever at several hundred environments.
 _THREADS = 8
@@ -26,7 +26,6 @@ class MjxTrainer(RlTrainer):
     """Trains a policy by PPO on an accelerator, and ends the run when all steps are done."""
 
     SETTINGS = MjxSettings
-    SAVE_S = SAVE_S
 
     def make(self, chosen: Any, seed: int) -> tuple[Any, Any]:
         """Make the environments and the learner. Raises RunError."""

@@ -7,9 +7,6 @@ from typing import ClassVar
 
 from joshua_ppo_trainer.settings import TrainerSettings
 
-#: How long a stop waits for the last files.
-SAVE_S = 20.0
-
 
 class MjxSettings(TrainerSettings):
     """Settings of a training on MuJoCo XLA."""
@@ -23,8 +20,3 @@ class MjxSettings(TrainerSettings):
     def ready_timeout_s(self) -> float:
         """Time to import JAX."""
         return 600.0
-
-    @property
-    def stop_timeout_s(self) -> float:
-        """Time to end the steps that JAX computes at once, and to write the last checkpoint."""
-        return SAVE_S + 10.0

@@ -13,7 +13,11 @@ from joshua_jobs.executor import JobError
 from pydantic import Field, model_validator
 from typing_extensions import Self
 
+from joshua_training.tracking import CLOSE_S
 from joshua_training.tracking_settings import TrackingSettings
+
+#: How long a stop waits for the last files and for the services that record the run, and a margin after that.
+SAVE_S, STOP_MARGIN_S = 60.0, 10.0
 
 
 class RunSettings(BlockSettings):
@@ -70,6 +74,11 @@ class RunSettings(BlockSettings):
                 "cluster_workers": values["cluster"]["workers"],
             }
         return known | {name: values[name] or "" for name in ("environment", "environment_id")}
+
+    @property
+    def stop_timeout_s(self) -> float:
+        """Time to end a step, to write the last files, and to send the last metrics."""
+        return SAVE_S + CLOSE_S + STOP_MARGIN_S
 
     @model_validator(mode="after")
     def _can_be_recorded(self) -> Self:

@@ -18,7 +18,8 @@ from joshua_training.curves import draw
 from joshua_training.memory import is_out_of_memory, remedied
 from joshua_training.run_folder import RunError, RunFolder, described, refuse_other, unwritable
 from joshua_training.run_log import RunLog
-from joshua_training.tracking import Trackers, services_of
+from joshua_training.settings import SAVE_S
+from joshua_training.tracking import CLOSE_S, Trackers, services_of
 from joshua_training.tracking_settings import TrackingSettings
 
 #: Beginning of the copy of the configuration.
@@ -39,9 +40,6 @@ class RunNode(Trainer):
     THREAD: ClassVar[str] = "learner"
     CONTENT: ClassVar[str] = "run"
     LATE: ClassVar[str] = "its last checkpoint is complete"
-
-    #: How long a stop waits for the last files.
-    SAVE_S: ClassVar[float] = 8.0
 
     #: Longest time without a heartbeat, during an update on a slow machine.
     HANG_S: ClassVar[float] = 1800.0
@@ -98,11 +96,10 @@ class RunNode(Trainer):
         self.context.spawn_thread(self._work, name=self.THREAD, hang_after_s=self.HANG_S)
 
     def deactivate(self) -> None:
-        """Wait for the last files."""
-        if not self._ended.wait(self.SAVE_S):
-            self.context.log.warning(
-                "the %s did not stop within %g s: %s", self.THREAD, self.SAVE_S, self.LATE
-            )
+        """Wait for the last files, and for the services that record the run."""
+        limit_s = SAVE_S + CLOSE_S
+        if not self._ended.wait(limit_s):
+            self.context.log.warning("the %s did not stop within %g s: %s", self.THREAD, limit_s, self.LATE)
 
     def cleanup(self) -> None:
         """Release what the work used, unless it still uses it."""
