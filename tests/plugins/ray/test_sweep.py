@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from checkpoints import NAMES
 from joshua.cli.main import main
 from joshua_jobs.executor import JobError
 from joshua_ray.commands import sweep
 from joshua_ray.outcomes import COMPLETE, FAILED, Record, Sweep
 from joshua_ray.spaces import Space
+from judged_robot import write_judged
 
 PRESETS = Path(__file__).resolve().parents[3] / "configs"
 PPO = str(PRESETS / "training_rl_ppo.pbtxt")
@@ -52,6 +55,38 @@ def test_what_cannot_be_swept_is_said(
     assert main(["sweep", *words]) == code
     assert said in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_sweep_drives_no_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "demos" / "meta").mkdir(parents=True)
+    joints = {"dtype": "float32", "shape": [6], "names": [f"{name}.pos" for name in NAMES]}
+    picture = {"dtype": "video", "shape": [48, 64, 3], "names": ["height", "width", "channels"]}
+    features = {"observation.state": joints, "action": joints, "observation.images.top": picture}
+    about = {"codebase_version": "v3.0", "fps": 25, "features": features}
+    (tmp_path / "demos" / "meta" / "info.json").write_text(json.dumps(about))
+    learned = (
+        'method: METHOD_IMITATION imitation_config { dataset_name: "demos" num_epochs: 2 '
+        "learning_rate: 0.001 batch_size: 4 }"
+    )
+    model = "model_type: MODEL_PLUGIN plugin_config { [joshua/joshua.LeRobotPolicy] {} }"
+    path = write_judged(tmp_path / "robot.pbtxt", model=model, training=learned, rate_hz=10, cameras=("top",))
+    words = ["sweep", str(path), "--set", "ai.training.imitation_config.learning_rate=grid(0.1,0.2)"]
+    assert main([*words, "--grace", "10"]) == 2
+    said = capsys.readouterr().err
+    assert f"{path}: ai.training.environment is ENV_REAL: each trial would open the devices top, arm" in said
+    assert "Add --set ai.training.environment=ENV_SIMULATION" in said
+    assert main([*words, "--grace", "10", "--set", "ai.training.environment=ENV_SIMULATION"]) == 3
+
+
+def test_a_trial_has_no_cluster_of_its_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("joshua_ray.executor.check", lambda address: None)
+    cluster = 'ai.training.cluster.address="local"'
+    assert main(["sweep", PPO, "--set", f"{RATE}=grid(0.1,0.2)", "--set", cluster]) == 2
+    said = capsys.readouterr().err
+    assert f"{PPO}: ai.training.cluster: a trial would wait for workers" in said
+    assert "Remove the block: the trials run on the cluster of --ray" in said
 
 
 def test_numbers_of_the_command_line_are_checked(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -149,14 +150,15 @@ def _sweep(arguments: argparse.Namespace, fixed: list[str], varied: list[Space])
 
     first = {space.field: space.extremes[0] for space in varied}
     tried = [first, *(first | {space.field: value} for space in varied for value in space.extremes[1:])]
-    trainers: list[Any] = []
+    plans: list[Sequence[Any]] = []
     for values in tried:
         overrides = [*fixed, *(f"{field}={value}" for field, value in values.items())]
         found = plan(arguments.file, overrides=overrides)
         if found.errors or found.plan is None:
             show_findings(found, "text")
             return None
-        trainers = trainers or [node for node in found.plan.nodes if "output_folder" in node.settings]
+        plans.append(found.plan.nodes)
+    trainers = _trainers(plans[0])
     method = _method(trainers)
     if not method:
         raise JobError(
@@ -164,6 +166,8 @@ def _sweep(arguments: argparse.Namespace, fixed: list[str], varied: list[Space])
             "or METHOD_IMITATION",
             2,
         )
+    for nodes in plans:
+        _refuse_unfit(arguments.file, nodes)
     settings = trainers[0].settings
     most = settings.get("total_timesteps") or settings.get("max_steps")
     if most is None and arguments.grace is None:
@@ -190,6 +194,28 @@ def _sweep(arguments: argparse.Namespace, fixed: list[str], varied: list[Space])
         seed=arguments.seed,
         cores=arguments.cores,
     )
+
+
+def _refuse_unfit(file: str, nodes: Sequence[Any]) -> None:
+    """Refuse trials that would open devices, or wait for the cores that they reserve. Raises JobError."""
+    devices = [node.name for node in nodes if node.kind in ("actuator", "sensor")]
+    if devices:
+        raise JobError(
+            f"{file}: ai.training.environment is ENV_REAL: each trial would open the devices "
+            f"{', '.join(devices)}, and whoever reaches a Ray cluster can run code in it. Add "
+            "--set ai.training.environment=ENV_SIMULATION, and train on the robot with the best settings",
+            2,
+        )
+    if any(node.settings.get("cluster") for node in _trainers(nodes)):
+        raise JobError(
+            f"{file}: ai.training.cluster: a trial would wait for workers on the cores that the trials "
+            "reserve. Remove the block: the trials run on the cluster of --ray",
+            2,
+        )
+
+
+def _trainers(nodes: Sequence[Any]) -> list[Any]:
+    return [node for node in nodes if "output_folder" in node.settings]
 
 
 def _usual_mode(metric: str) -> str:
