@@ -5,12 +5,17 @@ from __future__ import annotations
 import json
 import os
 import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from subprocess import PIPE, Popen
 from typing import Any
 
 import pytest
 from joshua.cli.main import main
-from joshua_training.run_folder import RunFolder
+from joshua_training.run_folder import RunError, RunFolder
+from joshua_training.summaries import Removal, remove
 
 LONG = "SoArm100PickPlace-v0-with-a-very-long-name-that-somebody-chose"
 
@@ -68,6 +73,18 @@ def evaluation(
 def aged(run: RunFolder, days: float) -> None:
     for path in (run.path, *run.path.rglob("*")):
         os.utime(path, (path.stat().st_mtime - days * 86400,) * 2)
+
+
+@contextmanager
+def using(run: RunFolder) -> Iterator[None]:
+    """A process that works in a run and writes nothing."""
+    code = "import sys, pathlib, joshua_training.run_folder as f\nr = f.RunFolder(pathlib.Path(sys.argv[1]))"
+    words = [sys.executable, "-c", f"{code}\nr.lock()\nprint()\nsys.stdin.read()", str(run.path)]
+    with Popen(words, stdin=PIPE, stdout=PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"\n"
+        yield
+        process.communicate()
 
 
 def test_the_list_fits_80_columns_and_puts_the_newest_last(
@@ -254,6 +271,22 @@ def test_prune_removes_runs_that_came_to_nothing(tmp_path: Path, capsys: pytest.
     assert judged.path.exists()
     _, out, _ = command(capsys, "prune", str(tmp_path), "--empty")
     assert out == "Nothing to remove\n"
+
+
+def test_prune_leaves_a_run_alone_that_a_process_uses(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = training(tmp_path, "quiet")
+    aged(run, 10)
+    words = ("prune", str(tmp_path), "--older-than", "1", "--keep-checkpoints", "1", "--yes")
+    with using(run):
+        _, out, _ = command(capsys, *words)
+        assert out == "Nothing to remove\n"
+        with pytest.raises(RunError, match="another process uses the run"):
+            remove(Removal(run, run.path, "it began meanwhile", 0))
+    assert len(run.checkpoints()) == 2
+    command(capsys, *words)
+    assert not run.path.exists()
 
 
 def test_what_cannot_be_removed_is_named(

@@ -147,13 +147,16 @@ class RunFolder:
             )
         return cls(path)
 
-    def lock(self) -> None:
+    def lock(self, wait_s: float = ENDING_S) -> None:
         """Keep the run from other processes, until ``unlock`` or the end of this one.
+
+        Args:
+            wait_s: for the end of another process.
 
         Raises:
             RunError: another process writes into the folder, and does not end soon.
         """
-        handle, end_s = os.open(self.path, os.O_RDONLY), time.monotonic() + ENDING_S
+        handle, end_s = os.open(self.path, os.O_RDONLY), time.monotonic() + wait_s
         while True:
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -27,7 +27,7 @@ _FIGURES = (
     ("train/loss", "loss {:.4g}"),
 )
 
-#: A run whose files changed within this time may still be written to.
+#: A run whose files changed within this time may still be written to, on another machine for example.
 QUIET_S = 600.0
 
 _HIDDEN_SETTINGS = ("output_folder", "resume_run")
@@ -200,6 +200,7 @@ def compared_episodes(first: RunFolder, second: RunFolder) -> dict[str, Differen
 class Removal:
     """Something that pruning removes: a whole run or one checkpoint of it."""
 
+    run: RunFolder
     path: Path
     reason: str
     bytes: int
@@ -213,7 +214,7 @@ def removals(
     empty: bool = False,
     now_s: float | None = None,
 ) -> Iterator[Removal]:
-    """Yield what pruning would remove. Runs that changed within ``QUIET_S`` are left alone.
+    """Yield what pruning would remove. Runs that are in use, or changed within ``QUIET_S``, are left alone.
 
     Args:
         keep_checkpoints: number of newest ones to keep in each run; older_than_s: remove runs unchanged for
@@ -223,30 +224,43 @@ def removals(
     for run in runs:
         summary = summarise(run)
         age_s = now_s - summary.changed_s
-        if age_s < QUIET_S:
+        if age_s < QUIET_S or _is_used(run):
             continue
         if older_than_s is not None and age_s > older_than_s:
-            yield Removal(run.path, f"unchanged for {age_s / 86400:.0f} days", summary.bytes)
+            yield Removal(run, run.path, f"unchanged for {age_s / 86400:.0f} days", summary.bytes)
         elif empty and not summary.checkpoints and not (run.path / RESULTS).is_file():
-            yield Removal(run.path, "no checkpoint and no results", summary.bytes)
+            yield Removal(run, run.path, "no checkpoint and no results", summary.bytes)
         elif keep_checkpoints is not None:
             whole = run.checkpoints()
             for path in whole[: max(0, len(whole) - keep_checkpoints)]:
-                yield Removal(path, "older checkpoint", _size(path))
+                yield Removal(run, path, "older checkpoint", _size(path))
 
 
 def remove(removal: Removal) -> None:
     """Remove a run or a checkpoint; whatever is named like a checkpoint stays complete at any time.
 
     Raises:
-        RunError: it cannot be removed.
+        RunError: it cannot be removed, or another process uses the run.
     """
     hidden = removal.path.with_name(f".{removal.path.name}.part")
+    removal.run.lock(0.0)
     try:
         removal.path.rename(hidden)
         shutil.rmtree(hidden)
     except OSError as error:
         raise RunError(f"{removal.path} cannot be removed: {error.strerror}") from error
+    finally:
+        removal.run.unlock()
+
+
+def _is_used(run: RunFolder) -> bool:
+    """Whether a process works in a run, which may write nothing for long."""
+    try:
+        run.lock(0.0)
+    except RunError:
+        return True
+    run.unlock()
+    return False
 
 
 def _size(folder: Path) -> int:

@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     prune.add_argument("--empty", action="store_true", help="remove runs without a checkpoint and results")
     prune.add_argument("--yes", action="store_true", help="remove them (default: only list them)")
-    prune.epilog = "A run that changed in the last ten minutes is left alone: it may be running."
+    prune.epilog = "A run that a process uses, or that changed in the last ten minutes, is left alone."
 
 
 def run(arguments: argparse.Namespace) -> int:
