@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 from joshua_training import run_folder
 from joshua_training.run_folder import (
+    KEPT,
     RunError,
     RunFolder,
     described,
@@ -158,6 +160,26 @@ def test_a_checkpoint_of_folders_is_put_in_its_place_at_once(tmp_path: Path) -> 
 
     assert (folder.save_by(7, write) / "model" / "weights").read_bytes() == b"1"
     assert [path.name for path in folder.checkpoints()] == ["step_000000000007"]
+
+
+def test_an_old_checkpoint_is_complete_or_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = RunFolder.create(tmp_path, "run", {})
+
+    def interrupted(path: Path, ignore_errors: bool = False) -> None:
+        if path.exists():
+            (path / "a").unlink()
+            raise KeyboardInterrupt
+
+    for steps in range(KEPT):
+        folder.save(steps, {"a": b"1", "b": b"2"})
+    monkeypatch.setattr(shutil, "rmtree", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        folder.save(KEPT, {"a": b"1", "b": b"2"})
+    monkeypatch.undo()
+    for path in folder.checkpoints():
+        assert sorted(file.name for file in path.iterdir()) == ["a", "b"]
+    folder.save(KEPT + 1, {"a": b"1", "b": b"2"})
+    assert len(list((folder.path / "checkpoints").iterdir())) == KEPT  # nothing is left of it
 
 
 def test_a_run_goes_on_with_its_own_settings_only() -> None:

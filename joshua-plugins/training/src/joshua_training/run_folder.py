@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import json
@@ -262,8 +263,9 @@ class RunFolder:
         folder, draft = final.parent, final.with_name(f".{final.name}.part")
         if final.is_dir():
             return final
+        for left in folder.glob(".step_*.part"):  # of a process that was killed
+            shutil.rmtree(left, ignore_errors=True)
         try:
-            shutil.rmtree(draft, ignore_errors=True)
             draft.mkdir(parents=True)
             write(draft)
             for path in sorted(draft.rglob("*")):
@@ -275,8 +277,17 @@ class RunFolder:
             shutil.rmtree(draft, ignore_errors=True)
             raise unwritable(final, error, f", and {self.then}") from error
         for old in self.checkpoints()[:-KEPT]:
-            shutil.rmtree(old, ignore_errors=True)
+            with contextlib.suppress(OSError):  # it only takes space
+                discard(old)
         return final
+
+
+def discard(folder: Path) -> None:
+    """Remove a folder; until then, whatever has its name is complete. Raises OSError."""
+    hidden = folder.with_name(f".{folder.name}.part")
+    shutil.rmtree(hidden, ignore_errors=True)
+    folder.rename(hidden)
+    shutil.rmtree(hidden)
 
 
 def refuse_other(before: Mapping[str, Any], wanted: Mapping[str, Any], free: Collection[str]) -> None:

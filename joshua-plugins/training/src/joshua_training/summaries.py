@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import stat
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -12,7 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from joshua_training.run_folder import RunError, RunFolder
+from joshua_training.run_folder import RunError, RunFolder, discard
 from joshua_training.statistics import Difference, paired
 
 #: Result file of an evaluation beside ``run.json``, and its kind there.
@@ -237,16 +236,14 @@ def removals(
 
 
 def remove(removal: Removal) -> None:
-    """Remove a run or a checkpoint; whatever is named like a checkpoint stays complete at any time.
+    """Remove a run or a checkpoint, see ``discard``.
 
     Raises:
         RunError: it cannot be removed, or another process uses the run.
     """
-    hidden = removal.path.with_name(f".{removal.path.name}.part")
     removal.run.lock(0.0)
     try:
-        removal.path.rename(hidden)
-        shutil.rmtree(hidden)
+        discard(removal.path)
     except OSError as error:
         raise RunError(f"{removal.path} cannot be removed: {error.strerror}") from error
     finally:
