@@ -6,7 +6,6 @@ Imports Ray Tune. Only ``joshua sweep`` and its workers load this module.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import subprocess
 import sys
@@ -18,6 +17,7 @@ from ray.tune import Trainable
 
 from joshua_ray.locks import free_domain, wait_for
 from joshua_ray.outcomes import COMPLETE, FAILED, fields
+from joshua_ray.rows import Rows
 from joshua_ray.spaces import as_text
 
 #: How often metrics are read.
@@ -42,7 +42,7 @@ class Trial(Trainable):  # type: ignore[misc,unused-ignore]
         folder = Path(sweep["folder"]) / number(self.trial_id)
         self._runs = folder / "runs"
         self._runs.mkdir(parents=True, exist_ok=True)
-        self._read = self._reported = 0
+        self._rows, self._reported = Rows(), 0
         overrides = [*sweep["fixed"], *(f"{name}={as_text(value)}" for name, value in fields(config).items())]
         overrides.append(f'{sweep["block"]}.output_folder="{self._runs}"')
         self._lock = folder / ".lock"
@@ -116,17 +116,11 @@ class Trial(Trainable):  # type: ignore[misc,unused-ignore]
         run = self._run()
         if not run:
             return None
-        with contextlib.suppress(FileNotFoundError), Path(run, "metrics.jsonl").open("rb") as file:
-            file.seek(self._read)
-            for line in file:
-                if not line.endswith(b"\n"):
-                    break
-                self._read += len(line)
-                row = json.loads(line)
-                value = row.get(self._metric)
-                if isinstance(value, (int, float)):
-                    self._reported += 1
-                    return {self._metric: float(value), "steps": int(row["steps"]), "run": run}
+        while (row := self._rows.next(Path(run, "metrics.jsonl"))) is not None:
+            value = row.get(self._metric)
+            if isinstance(value, (int, float)):
+                self._reported += 1
+                return {self._metric: float(value), "steps": int(row["steps"]), "run": run}
         return None
 
 
