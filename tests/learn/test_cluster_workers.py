@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import lerobot_here  # noqa: F401 - before the first import of torchvision
 import pytest
 from joshua_imitation.settings import ImitationSettings
-from joshua_imitation.spread import learn
-from joshua_jobs.executor import Post
+from joshua_imitation.spread import SpreadLearner, learn
+from joshua_jobs.executor import Joint, Post
+from joshua_jobs.processes import Processes
 from joshua_training.run_folder import RunError, RunFolder
 
 
@@ -58,3 +60,21 @@ def test_a_node_that_does_not_see_the_data_set_is_named(tmp_path: Path) -> None:
         f"on the node {os.uname().nodename}, {tmp_path / 'demos'} does not exist: correct dataset_name, or "
         "give the data set the same path on every machine, for example on a network file system"
     )
+
+
+class Workers(Processes):
+    """Workers that begin again after the second update, from a checkpoint after the first."""
+
+    def together(self, work: Joint[Any]) -> Iterator[Any]:
+        """Tell what they do."""
+        del work
+        for steps, news in ((1, {"after": 0}), (2, {}), (2, {"after": 1}), (3, {})):
+            yield {"steps": steps, "row": {"steps": steps, "loss/train": 1.0}, **news}
+
+
+def test_rows_after_the_checkpoint_of_workers_that_begin_again_are_forgotten(tmp_path: Path) -> None:
+    rewound: list[int] = []
+    settings = ImitationSettings(dataset=str(tmp_path), device="cpu", cluster="local", cluster_workers=1)
+    learner = SpreadLearner(Workers(1), settings, RunFolder(tmp_path), 0, 9, rewound.append)
+    assert [(learner.update() or {})["steps"] for _ in range(4)] == [1, 2, 2, 3]
+    assert rewound == [1]

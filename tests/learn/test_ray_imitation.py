@@ -23,6 +23,7 @@ from lerobot.policies.act.modeling_act import ACTPolicy
 from ray_nodes import Cluster as Nodes
 from ray_nodes import add_worker, started
 from safetensors.numpy import load_file, save_file
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tiny_recordings import write_recording
 from trainings import write_imitation
 
@@ -121,6 +122,9 @@ def test_a_training_that_loses_a_node_learns_what_two_processes_learn(
     for row, other in zip(found, expected, strict=True):
         row.pop("workers_lost", None)
         assert row == pytest.approx(other, rel=1e-4, abs=1e-6)
+    board = EventAccumulator(str(run / "tensorboard"))
+    board.Reload()
+    assert [event.step for event in board.Scalars("loss/train")] == list(range(1, 37))
     weights = [load_file(last(folder) / "model.safetensors") for folder in (run, here)]
     for name, values in weights[0].items():
         np.testing.assert_allclose(values, weights[1][name], rtol=1e-3, atol=2e-5, err_msg=name)

@@ -133,6 +133,17 @@ def test_a_continued_run_continues_its_record(tmp_path: Path) -> None:
     assert again.continued == "run-1"
 
 
+def test_a_row_that_is_computed_again_is_not_sent_again(tmp_path: Path) -> None:
+    service = Recorder()
+    service.sent = 2
+    trackers = Trackers([service], LOG)
+    trackers.start(folder_in(tmp_path))
+    for step in (1, 2, 3, 4, 3, 4, 5):
+        trackers.add({"loss/train": 1.0}, step)
+    trackers.close(True)
+    assert [steps for steps, _ in service.rows] == [3, 4, 5]
+
+
 def test_facts_are_flat_texts(tmp_path: Path) -> None:
     facts = facts_of(folder_in(tmp_path))
     assert {"seed": "3", "gamma": "0.9", "activation": "tanh", "git.commit": "abc"}.items() <= facts.items()

@@ -117,7 +117,9 @@ class ImitationTrainer(LearningNode):
 
         self._album.close()
         with on_cluster():
-            self._learner = SpreadLearner(self._executor, self._settings, self.folder, self.steps, self.total)
+            self._learner = SpreadLearner(
+                *(self._executor, self._settings, self.folder, self.steps, self.total, self.rewind)
+            )
 
     def release(self) -> None:
         """End the loader and the other processes, and remove the decoded pictures."""

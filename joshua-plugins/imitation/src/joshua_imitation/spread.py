@@ -40,15 +40,22 @@ class SpreadLearner:
     Args:
         executor: the cluster; settings: of the training; folder: of the run.
         steps: updates so far; total: of the whole training.
+        rewind: called with updates whose later rows are computed again.
 
     Attributes:
         stops, stopped: see ``Learner``; lost: workers that were lost; checkpoint: the last one, "" before.
     """
 
     def __init__(
-        self, executor: Executor, settings: ImitationSettings, folder: RunFolder, steps: int, total: int
+        self,
+        executor: Executor,
+        settings: ImitationSettings,
+        folder: RunFolder,
+        steps: int,
+        total: int,
+        rewind: Callable[[int], None],
     ) -> None:
-        self.steps, self.total, self._folder, self._executor = steps, total, folder, executor
+        self.steps, self.total, self._rewind, self._executor = steps, total, rewind, executor
         self.stops = self.stopped = False
         self.checkpoint = ""
         self.learns = False
@@ -88,7 +95,7 @@ class SpreadLearner:
     def _take(self, told: Mapping[str, Any]) -> dict[str, float] | None:
         self.learns = True
         if "after" in told and told["after"] < self.steps:
-            self._folder.cut_metrics(told["after"])  # computed again
+            self._rewind(told["after"])
         self.steps = told.get("steps", self.steps)
         self.checkpoint = told.get("saved") or self.checkpoint
         self.stopped = bool(told.get("ended"))

@@ -33,9 +33,9 @@ class Board:
         self._file = (folder / name).open("wb")
         self._records: Any = RecordWriter(self._file)
         self._add(Event(wall_time=time.time(), file_version="brain.Event:2"))
+        self._restart = SessionLog(status=SessionLog.START)
         if continued:
-            log = SessionLog(status=SessionLog.START)
-            self._add(Event(wall_time=time.time(), step=continued + 1, session_log=log))
+            self.rewind(continued)
 
     def add(self, row: Mapping[str, float], steps: int) -> None:
         """Add the metrics of a row whose names have a group, as in ``loss/train``. Raises OSError."""
@@ -43,6 +43,10 @@ class Board:
             self._summary.Value(tag=name, simple_value=value) for name, value in row.items() if "/" in name
         ]
         self._add(self._event(wall_time=time.time(), step=steps, summary=self._summary(value=values)))
+
+    def rewind(self, steps: int) -> None:
+        """Supersede what came after some steps. Raises OSError."""
+        self._add(self._event(wall_time=time.time(), step=steps + 1, session_log=self._restart))
 
     def close(self) -> None:
         """Close the file. Idempotent."""

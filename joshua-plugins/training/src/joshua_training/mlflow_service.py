@@ -55,6 +55,8 @@ class MlflowService(Service):
             self._client = client = MlflowClient(tracking_uri=address)
             if identity:
                 client.update_run(identity, status="RUNNING")
+                newest = client.get_run(identity).data.to_proto().metrics
+                self.sent = max((metric.step for metric in newest), default=-1)
                 self._run = identity
                 return identity
             known = client.get_experiment_by_name(self._experiment)

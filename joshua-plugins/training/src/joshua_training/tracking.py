@@ -34,9 +34,16 @@ Row = Mapping[str, float]
 
 
 class Service(ABC):
-    """A record of a run elsewhere."""
+    """A record of a run elsewhere.
+
+    Attributes:
+        sent: steps of the newest row there, known after ``start``; -1 if there is none, or if the service
+            ignores repeated rows by itself.
+    """
 
     NAME: ClassVar[str]
+
+    sent = -1
 
     @abstractmethod
     def start(self, folder: RunFolder, identity: str) -> str:
@@ -85,7 +92,10 @@ class Trackers:
             self._boxes.append(_Outbox(service, self._log))
 
     def add(self, row: Row, steps: int) -> None:
-        """Add a row of metrics; those whose names have a group are sent, as in ``loss/train``."""
+        """Add a row of metrics; those whose names have a group are sent, as in ``loss/train``.
+
+        A row that is computed again is not sent again.
+        """
         values = {k: float(v) for k, v in row.items() if "/" in k and math.isfinite(v)}
         if values:
             for box in self._boxes:
@@ -121,6 +131,7 @@ class _Outbox:
     def __init__(self, service: Service, log: Log) -> None:
         self._service, self._log = service, log
         self._rows: deque[tuple[int, Row]] = deque()
+        self._newest = service.sent
         self._news = threading.Condition()
         self._ending: bool | None = None
         self._lost = 0
@@ -129,6 +140,9 @@ class _Outbox:
         self._thread.start()
 
     def add(self, steps: int, row: Row) -> None:
+        if steps <= self._newest:
+            return
+        self._newest = steps
         with self._news:
             if len(self._rows) >= KEPT_ROWS:
                 self._rows.popleft()

@@ -150,6 +150,8 @@ class LearningNode(RunNode):
     #: Steps of the last checkpoint.
     _saved = -1
 
+    _board: Board | None = None
+
     @property
     @abstractmethod
     def steps(self) -> int:
@@ -207,8 +209,14 @@ class LearningNode(RunNode):
         """Continue after the steps of a checkpoint, which is restored. Raises RunError."""
         self._saved = self.steps
         self.keep_configuration(f"config_{self.steps}.pbtxt", f" after {self.steps} {self.UNIT}")
-        self.folder.cut_metrics(self.steps)
+        self.rewind(self.steps)
         self.context.log.info("continuing after %d %s from %s", self.steps, self.UNIT, checkpoint)
+
+    def rewind(self, steps: int) -> None:
+        """Forget the rows after some steps, which are computed again. Raises RunError and OSError."""
+        self.folder.cut_metrics(steps)
+        if self._board is not None:
+            self._board.rewind(steps)
 
     def work(self) -> None:
         """Learn to the end, or until the run stops, and save."""
@@ -228,7 +236,7 @@ class LearningNode(RunNode):
             trackers.close(well)
 
     def _learn(self, trackers: Trackers) -> None:
-        board = Board(self.folder.path / "tensorboard", self.steps)
+        self._board = board = Board(self.folder.path / "tensorboard", self.steps)
         latest: dict[str, float] = {}
         try:
             while self.steps < self.total and not self.is_asked_to_stop:

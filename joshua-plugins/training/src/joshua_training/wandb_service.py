@@ -55,7 +55,10 @@ class WandbService(Service):
         return str(self._run.id)
 
     def send(self, rows: Sequence[tuple[int, Row]]) -> None:
-        """See ``Service``; the library sends in the background, and again after a lost connection."""
+        """See ``Service``; the library sends in the background, and again after a lost connection.
+
+        It ignores steps before the newest one.
+        """
         for steps, row in rows:
             self._run.log(dict(row), step=steps)
 
