@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from joshua_ray.commands.sweep import COMPLETE
 from joshua_ray.outcomes import FAILED
 from joshua_training.run_folder import RunFolder
 from ray_nodes import add_worker, started
@@ -114,22 +115,33 @@ def test_ctrl_c_stops_the_trials_which_save(tmp_path: Path) -> None:
     assert not (output / ".tune").exists()
 
 
-def test_a_trial_says_why_its_run_failed(tmp_path: Path) -> None:
-    shared = {
-        "file": str(tmp_path / "missing.pbtxt"),
-        "block": "ai.training.rl_config",
-        "fixed": (),
-        "folder": str(tmp_path),
-        "metric": "episode/return",
-    }
+def ended(**shared: Any) -> list[str]:
+    """Runs a trial until it fails; returns what it says."""
     from joshua_ray.trial import Trial  # imports Ray, which reads variables of ray_nodes
 
-    trial = Trial({"sweep": shared, RATE: 0.1})
+    common = {"block": "ai.training.rl_config", "fixed": ()}
+    trial = Trial({"sweep": common | shared, RATE: 0.001})
     rows = [trial.step()]
     while not rows[-1].get("done"):
         rows.append(trial.step())
     trial.cleanup()
     assert rows[-1]["ended"] == FAILED
-    first, *others = rows[-1]["error"].splitlines()
+    said: list[str] = rows[-1]["error"].splitlines()
+    return said
+
+
+def test_a_trial_says_why_its_run_failed(tmp_path: Path) -> None:
+    first, *others = ended(
+        file=str(tmp_path / "missing.pbtxt"), folder=str(tmp_path), metric="episode/return", complete=()
+    )
     assert first.startswith("it ended with exit code 2 (")
     assert "missing.pbtxt" in "\n".join(others)
+
+
+def test_a_trial_without_the_metric_ends_as_soon_as_it_could_have_it(tmp_path: Path) -> None:
+    path = write_training(tmp_path, total_timesteps=100_000_000)
+    first, *_ = ended(
+        file=str(path), folder=str(tmp_path), metric="episode/retrun", complete=COMPLETE["METHOD_RL"]
+    )
+    assert first.startswith("its metrics have no episode/retrun: choose --metric from episode/return, ")
+    assert processes_of(tmp_path) == []

@@ -24,6 +24,7 @@ def record(folder: Path, mode: str = "max") -> Record:
             trials=4,
             seed=0,
             cores=1.0,
+            complete=(),
         )
     )
 
@@ -70,6 +71,7 @@ def test_what_still_runs_was_interrupted(tmp_path: Path) -> None:
     found.of("00001", {})
     assert found.interrupt()
     found.write()
+    assert [path.name for path in tmp_path.iterdir()] == ["sweep.json"]
     content = json.loads((tmp_path / "sweep.json").read_text())
     assert {item["trial"]: item["state"] for item in content["trials"]} == {
         "00000": STOPPED_EARLY,

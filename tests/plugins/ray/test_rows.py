@@ -48,3 +48,17 @@ def test_a_file_that_is_cut_in_place_is_read_again(tmp_path: Path) -> None:
     with path.open("a") as file:
         file.write('{"steps": 2}\n{"steps": 3}\n')
     assert steps_of(rows, path) == [3]
+
+
+def test_a_metric_is_missed_when_all_figures_are_there(tmp_path: Path) -> None:
+    rows, run = Rows(), RunFolder(tmp_path)
+    path, complete = tmp_path / "metrics.jsonl", ("episode/", "train/")
+    for row in ({"train/loss": 1.0}, {"train/loss": 1.0, "episode/return": 2.0, "episode/length": 3.0}):
+        assert rows.lacking("episode/retrun", complete) == ""  # no episode has ended yet
+        run.add_metrics({"steps": 1, **row})
+        assert steps_of(rows, path) == [1]
+    assert rows.lacking("episode/return", complete) == ""
+    assert rows.lacking("episode/retrun", complete) == (
+        "its metrics have no episode/retrun: choose --metric from episode/return, episode/length, train/loss"
+    )
+    assert Rows().lacking("episode/return") == "its metrics have no episode/return"

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -106,7 +109,7 @@ def test_without_ray_tune_its_extra_is_named() -> None:
 
 def test_the_report_names_the_first_failure_and_the_best_trial(capsys: pytest.CaptureFixture[str]) -> None:
     settings = Sweep(
-        "train.pbtxt", "ai.training.rl_config", (), "", "episode/return", "max", 10, 100, 3, 0, 1.0
+        "train.pbtxt", "ai.training.rl_config", (), "", "episode/return", "max", 10, 100, 3, 0, 1.0, ()
     )
     found, said = Record(settings), [f"line {number}" for number in range(20)]
     rows: list[tuple[str, str, dict[str, Any]]] = [
@@ -125,3 +128,36 @@ def test_the_report_names_the_first_failure_and_the_best_trial(capsys: pytest.Ca
         f"{line}\n" for line in ("2 of 3 trials failed. The first, 00000:", *(f"  {x}" for x in said[-13:]))
     )
     assert out.endswith(f"best: /runs/a\n  --set '{RATE}=0.3'\n")
+
+
+class Idle:
+    """A cluster of one core."""
+
+    def cores(self) -> float:
+        """Return its cores."""
+        return 1.0
+
+    largest = cores
+
+
+def test_a_full_disk_at_the_end_does_not_cost_the_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    def trained(sweep: Sweep, *_: Any) -> Record:
+        record = Record(sweep)
+        outcome = record.of("00000", {RATE: "0.1"})
+        record.add(outcome, {"episode/return": 7.0, "steps": 48, "run": "/runs/a", "ended": COMPLETE})
+        monkeypatch.setattr(os, "fsync", full)
+        return record
+
+    monkeypatch.setattr(sweep, "_tuning", lambda: SimpleNamespace(Cluster=Idle, run=trained))
+    monkeypatch.setattr(sweep, "opened", lambda *_: nullcontext(Idle()))
+    words = ["sweep", PPO, "--set", f"{RATE}=grid(0.1)", "--trials", "1", "--output", str(tmp_path / "s")]
+    assert main(words) == 1
+    said = capsys.readouterr()
+    assert "best: /runs/a" in said.out
+    cause = "cannot be written: No space left on device: free some space"
+    assert said.err == f"joshua sweep: {tmp_path / 's' / 'sweep.json'} {cause}\n"

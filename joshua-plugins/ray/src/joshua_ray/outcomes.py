@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from joshua_jobs.executor import JobError
+
 #: States of a trial.
 RUNNING, COMPLETE, STOPPED_EARLY, FAILED, INTERRUPTED = (
     *("running", "complete", "stopped early", "failed", "interrupted"),
@@ -23,6 +25,7 @@ class Sweep:
         file: absolute; block: path of the trainer's block in it; fixed: overrides of every trial.
         folder: of the trials; metric, mode: of their metrics; grace, total: steps of a trial before it can be
             stopped, and at its end, 0 if unknown; trials: samples; seed: of the samples; cores: of a trial.
+        complete: see ``Rows.lacking``.
     """
 
     file: str
@@ -36,6 +39,7 @@ class Sweep:
     trials: int
     seed: int
     cores: float
+    complete: tuple[str, ...]
 
 
 @dataclass
@@ -116,11 +120,16 @@ class Record:
         return first
 
     def write(self) -> None:
-        """Write ``sweep.json``."""
+        """Write ``sweep.json`` atomically. Raises JobError."""
+        from joshua_training.run_folder import RunError, RunFolder
+
         trials = [asdict(outcome) for outcome in self.ranked()]
         content = {"format": 1, "sweep": asdict(self.sweep), "trials": trials}
-        path = Path(self.sweep.folder, "sweep.json")
-        path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        text = json.dumps(content, indent=2) + "\n"
+        try:
+            RunFolder(Path(self.sweep.folder)).write("sweep.json", text.encode())
+        except RunError as error:
+            raise JobError(str(error)) from error
 
 
 def fields(config: Mapping[str, Any]) -> dict[str, Any]:

@@ -5,14 +5,20 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 
 class Rows:
-    """Reads ``metrics.jsonl`` while a run appends to it, or cuts it to compute the last rows again."""
+    """Reads ``metrics.jsonl`` while a run appends to it, or cuts it to compute the last rows again.
+
+    Attributes:
+        names: figures of the rows so far.
+    """
 
     def __init__(self) -> None:
+        self.names: set[str] = set()
         self._inode = self._read = 0
         self._last = self._known = -1  # steps: of the newest row, and of those before the file was cut
 
@@ -28,7 +34,22 @@ class Rows:
                     break
                 self._read += len(line)
                 row: dict[str, Any] = json.loads(line)
+                self.names |= {name for name, value in row.items() if isinstance(value, (int, float))}
                 if row["steps"] > self._known:
                     self._last = max(self._last, row["steps"])
                     return row
         return None
+
+    def lacking(self, metric: str, complete: Sequence[str] = ()) -> str:
+        """Return why a run cannot be judged by a metric; "" if it can, or if the metric may still come.
+
+        Args:
+            complete: beginnings of names; a run whose rows have one of each has written all of its figures.
+        """
+        are_all = all(any(name.startswith(begin) for name in self.names) for begin in complete)
+        if metric in self.names or not are_all:
+            return ""
+        from joshua.tools import nearest_first
+
+        known = ", ".join(nearest_first(metric, sorted(self.names - {"steps"})))
+        return f"its metrics have no {metric}" + (f": choose --metric from {known}" if known else "")

@@ -10,6 +10,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,10 +40,11 @@ class Trial(Trainable):  # type: ignore[misc,unused-ignore]
         """Start the run; continue it if a lost worker left a checkpoint."""
         sweep = config["sweep"]
         self._metric: str = sweep["metric"]
+        self._complete: Sequence[str] = sweep["complete"]
         folder = Path(sweep["folder"]) / number(self.trial_id)
         self._runs = folder / "runs"
         self._runs.mkdir(parents=True, exist_ok=True)
-        self._rows, self._reported = Rows(), 0
+        self._rows = Rows()
         overrides = [*sweep["fixed"], *(f"{name}={as_text(value)}" for name, value in fields(config).items())]
         overrides.append(f'{sweep["block"]}.output_folder="{self._runs}"')
         self._lock = folder / ".lock"
@@ -95,13 +97,11 @@ class Trial(Trainable):  # type: ignore[misc,unused-ignore]
         """Return the end of the run. Raises RuntimeError if it was killed with its node; Tune tries again."""
         if code < 0:
             raise RuntimeError(f"the process of the run was killed by signal {-code}")
-        why = ""
-        if code:
-            why = f"it ended with exit code {code}"
-        elif not self._reported:
-            why = f"its metrics have no {self._metric}"
-        if not why:
-            return {"run": self._run(), "ended": COMPLETE, "done": True}
+        why = f"it ended with exit code {code}" if code else self._rows.lacking(self._metric)
+        return self._failed(why) if why else {"run": self._run(), "ended": COMPLETE, "done": True}
+
+    def _failed(self, why: str) -> dict[str, Any]:
+        """Return the end of a run that failed, with the end of its log."""
         lines = self._log.read_text(encoding="utf-8", errors="replace").splitlines()[-_LAST_LINES:]
         said = "\n".join((f"{why} ({self._log})", *lines))
         return {"run": self._run(), "ended": FAILED, "error": said, "done": True}
@@ -112,15 +112,16 @@ class Trial(Trainable):  # type: ignore[misc,unused-ignore]
         return str(made[-1]) if made else ""
 
     def _next_row(self) -> dict[str, Any] | None:
-        """Return the next row that has the metric; None if there is none yet."""
+        """Return the next row that has the metric, or the end if none will have it; None if there is none."""
         run = self._run()
         if not run:
             return None
         while (row := self._rows.next(Path(run, "metrics.jsonl"))) is not None:
             value = row.get(self._metric)
             if isinstance(value, (int, float)):
-                self._reported += 1
                 return {self._metric: float(value), "steps": int(row["steps"]), "run": run}
+            if why := self._rows.lacking(self._metric, self._complete):
+                return self._failed(why)
         return None
 
 

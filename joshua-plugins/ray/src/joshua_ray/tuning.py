@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import shutil
@@ -11,6 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from joshua_jobs.executor import JobError
 from ray import tune
 from ray.tune.schedulers import ASHAScheduler
 from ray.tune.search import BasicVariantGenerator
@@ -76,9 +78,7 @@ class Watch(tune.Callback):  # type: ignore[misc,unused-ignore]
     def on_trial_complete(self, iteration: int, trials: Any, trial: Any, **info: Any) -> None:
         """See ``Callback``."""
         del iteration, trials, info
-        outcome = self._of(trial)
-        self._record.end(outcome)
-        self._shown(outcome)
+        self._ended(self._of(trial))
 
     def on_trial_error(self, iteration: int, trials: Any, trial: Any, **info: Any) -> None:
         """See ``Callback``."""
@@ -86,11 +86,21 @@ class Watch(tune.Callback):  # type: ignore[misc,unused-ignore]
         outcome = self._of(trial)
         error = Path(trial.error_file) if trial.error_file else None
         said = error.read_text(encoding="utf-8", errors="replace") if error and error.is_file() else ""
-        self._record.end(outcome, said or "its worker was lost")
+        self._ended(outcome, said or "its worker was lost")
+
+    def _ended(self, outcome: Outcome, error: str = "") -> None:
+        self._record.end(outcome, error)
         self._shown(outcome)
+        _note(self._record)
 
     def _of(self, trial: Any) -> Outcome:
         return self._record.of(number(trial.trial_id), trial.config)
+
+
+def _note(record: Record) -> None:
+    """Write what is known so far; the end of the sweep says why that fails."""
+    with contextlib.suppress(JobError):
+        record.write()
 
 
 def run(
@@ -149,5 +159,5 @@ def run(
     finally:
         signal.signal(signal.SIGINT, usual)
         shutil.rmtree(scratch, ignore_errors=True)
-        record.write()
+        _note(record)
     return record

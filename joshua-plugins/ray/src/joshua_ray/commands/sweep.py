@@ -24,6 +24,9 @@ BLOCKS = {"METHOD_RL": "ai.training.rl_config", "METHOD_IMITATION": "ai.training
 #: Metric and mode by method.
 METRICS = {"METHOD_RL": ("episode/return", "max"), "METHOD_IMITATION": ("loss/validation", "min")}
 
+#: Beginnings of the names of figures by method: a run that has written one of each has written all.
+COMPLETE = {"METHOD_RL": ("episode/", "train/"), "METHOD_IMITATION": ("loss/train", "loss/validation")}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``joshua sweep``."""
@@ -109,8 +112,12 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stderr.write(f"joshua sweep: {error}\n")
         return error.exit_code
     was_interrupted = record.interrupt() or len(record.outcomes) < sweep.trials * spaces.points(varied)
-    record.write()
-    _report(record, varied)
+    _report(record, varied)  # which a full disk does not prevent
+    try:
+        record.write()
+    except JobError as error:
+        sys.stderr.write(f"joshua sweep: {error}\n")
+        return error.exit_code
     if was_interrupted:
         sys.stderr.write("interrupted: the trials above keep their last checkpoints\n")
         return ExitCode.INTERRUPTED
@@ -193,6 +200,7 @@ def _sweep(arguments: argparse.Namespace, fixed: list[str], varied: list[Space])
         trials=arguments.trials,
         seed=arguments.seed,
         cores=arguments.cores,
+        complete=COMPLETE[method],
     )
 
 
