@@ -147,33 +147,6 @@ def test_a_learner_goes_on_from_a_checkpoint_bit_for_bit(environment: str, tmp_p
     assert not differ(weights(whole), weights(after))
 
 
-@pytest.mark.parametrize("buffer_size", [400, 4000], ids=["full", "filling"])
-def test_a_learner_of_sac_goes_on_with_its_replay_buffer(
-    buffer_size: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("joshua_ppo_trainer.learner.SAC_STEPS", 120)
-    fields: dict[str, Any] = {"algorithm": "SAC", "learning_starts": 300, "buffer_size": buffer_size}
-    fields |= {"updates_per_step": 2, "hidden_sizes": [16], "normalize_observations": True}
-    whole = learner(**fields)
-    expected = rows(whole, 6)
-    for before_it in (1, 4):  # while actions are drawn at random, and after
-        before = learner(**fields)
-        rows(before, before_it)
-        files = checkpoint.as_files(*before.snapshot(), {"algorithm": "SAC"})
-        folder = RunFolder.create(tmp_path, "run", {}).save(before.steps, files)
-        torch.manual_seed(99)
-        np.random.seed(99)
-        after = learner(**fields)
-        after.restore(*checkpoint.read(folder))
-        assert rows(after, 6 - before_it) == expected[before_it:]
-        assert not differ(weights(whole), weights(after))
-    smaller = learner(**{**fields, "buffer_size": 40})
-    with pytest.raises(
-        RunError, match="replay buffer of the checkpoint does not fit: continue with the buff"
-    ):
-        smaller.restore(*checkpoint.read(folder))
-
-
 def test_an_action_that_is_no_number_stops_with_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     made = learner()
     rows(made, 1)

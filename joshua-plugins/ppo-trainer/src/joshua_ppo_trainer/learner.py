@@ -10,19 +10,23 @@ import numpy as np
 import torch
 from joshua_training.memory import require
 from joshua_training.run_folder import RunError
-from stable_baselines3 import PPO, SAC
-from stable_baselines3.common.buffers import ReplayBuffer, RolloutBuffer
+from stable_baselines3 import PPO
+from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 
 from joshua_ppo_trainer import checkpoint
 from joshua_ppo_trainer.files import DivergedError as DivergedError
-from joshua_ppo_trainer.normalise import Normaliser
+from joshua_ppo_trainer.normalise import Normaliser, Unapplied
+from joshua_ppo_trainer.sac import PREFIX, NormalisedSac
 from joshua_ppo_trainer.settings import TrainerSettings
 from joshua_ppo_trainer.spread import SIZES, SpreadEnvironment, SpreadVecEnv
 from joshua_ppo_trainer.vec_env import BatchedVecEnv
 
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
+
+#: Format of a checkpoint; before 2, the replay buffer of SAC held normalised values.
+_FORMATS = {"PPO": 1, "SAC": 2}
 
 #: Policy updates of SAC between two rows of metrics.
 SAC_STEPS = 2_000
@@ -44,20 +48,6 @@ class _StoppableBuffer(RolloutBuffer):  # type: ignore[misc,unused-ignore]
                 raise Stopped
             self.last = batch
             yield batch
-
-
-class _RememberingBuffer(ReplayBuffer):  # type: ignore[misc,unused-ignore]
-    """Replay buffer that keeps its last batch."""
-
-    last: Any = None
-
-    def sample(self, batch_size: int, env: Any = None) -> Any:
-        self.last = super().sample(batch_size, env)
-        return self.last
-
-
-#: Arrays of a replay buffer for each step.
-_REPLAYED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
 def network_of(settings: TrainerSettings) -> dict[str, Any]:
@@ -110,7 +100,9 @@ class Learner:
         )
         self._require_memory()
         kind = SpreadVecEnv if isinstance(environment, SpreadEnvironment) else BatchedVecEnv
-        self.vec_env = kind(environment, self.normaliser)
+        self.vec_env = kind(
+            environment, Unapplied(self.normaliser) if settings.algorithm == "SAC" else self.normaliser
+        )
         self._asked, self._told = asked, told
         self._watch = _Watch(asked, told)
         self._model: Any = self._ppo(seed) if settings.algorithm == "PPO" else self._sac(seed)
@@ -181,9 +173,17 @@ class Learner:
         )
 
     def snapshot(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        """Return weights, further arrays of the training and the state, after the last complete iteration."""
+        """Return weights, further arrays of the training and the state, after the last complete iteration.
+
+        The arrays of a replay buffer are not copied: they hold until the next iteration.
+        """
         self._start()
-        return self._snapshot or self._take()
+        policy, training, state = kept = self._snapshot or self._take()
+        if self._settings.algorithm != "SAC":
+            return kept
+        replay = self._model.replay_buffer
+        replay.undo()  # of an iteration that was stopped in its middle
+        return policy, training | replay.arrays(), state
 
     def last_batch(self) -> dict[str, Any]:
         """Return the samples of the last update and the weights, which led to a loss that is not a number."""
@@ -199,9 +199,14 @@ class Learner:
         """Continue from a snapshot, bit for bit. To be called before the first iteration.
 
         Raises:
-            RunError: it belongs to another network or other environments.
+            RunError: it belongs to another network or other environments, or to an older version.
         """
         model = self._model
+        if (found := state.get("format")) != _FORMATS[self._settings.algorithm]:
+            raise RunError(
+                f"the checkpoint has format {found}, but this version continues {self._settings.algorithm} "
+                f"from format {_FORMATS[self._settings.algorithm]} only: start a new run"
+            )
         checkpoint.load_weights(model.policy, policy)
         for name, optimiser in self._optimisers().items():
             checkpoint.load_optimiser(optimiser, training, name)
@@ -224,11 +229,12 @@ class Learner:
         model.num_timesteps, self._iterations = state["steps"], state["iterations"]
         model._n_updates = state["updates"]
         if self._settings.algorithm == "SAC":
-            self._restore_replay(training, state)
+            self._restore_sac(training, state)
         # with a last observation, the learner does not start the environments again
         model._last_obs, model._last_episode_starts = training["last.observation"], training["last.starts"]
         checkpoint.load_generators(training)
-        self._snapshot = (policy, training, state)
+        kept = {name: v for name, v in training.items() if not name.startswith(PREFIX)}
+        self._snapshot = (policy, kept, state)
 
     def _learn_once(self) -> bool:
         """Run one iteration of the algorithm; return False if learning was stopped."""
@@ -284,7 +290,7 @@ class Learner:
             "last.starts": np.array(model._last_episode_starts),
         }
         state = {
-            "format": 1,
+            "format": _FORMATS[self._settings.algorithm],
             "algorithm": self._settings.algorithm,
             "steps": self.steps,
             "iterations": self._iterations,
@@ -293,11 +299,9 @@ class Learner:
             "episodes_done": vec_env.done,
         }
         if self._settings.algorithm == "SAC":
-            buffer = model.replay_buffer
-            rows = buffer.buffer_size if buffer.full else buffer.pos
-            training |= {f"replay.{name}": getattr(buffer, name)[:rows].copy() for name in _REPLAYED}
+            model.replay_buffer.mark()
             training["entropy.log"] = model.log_ent_coef.detach().numpy().copy()
-            state |= {"replay": {"position": buffer.pos, "full": bool(buffer.full)}}
+            state["replay"] = model.replay_buffer.state()
             state["action_space"] = checkpoint.space_state(model.action_space)
         return policy, training, state
 
@@ -312,17 +316,9 @@ class Learner:
             "optimiser_entropy": model.ent_coef_optimizer,
         }
 
-    def _restore_replay(self, training: dict[str, Any], state: dict[str, Any]) -> None:
-        model, buffer = self._model, self._model.replay_buffer
-        for name in _REPLAYED:
-            kept, wanted = training.get(f"replay.{name}"), getattr(buffer, name)
-            if kept is None or len(kept) > len(wanted) or kept.shape[1:] != wanted.shape[1:]:
-                raise RunError(
-                    "the replay buffer of the checkpoint does not fit: continue with the buffer_size of "
-                    "the run"
-                )
-            wanted[: len(kept)] = kept
-        buffer.pos, buffer.full = state["replay"]["position"], state["replay"]["full"]
+    def _restore_sac(self, training: dict[str, Any], state: dict[str, Any]) -> None:
+        model = self._model
+        model.replay_buffer.load(training, state["replay"])
         with torch.no_grad():
             model.log_ent_coef.copy_(torch.from_numpy(np.array(training["entropy.log"])))
         checkpoint.load_space(model.action_space, state["action_space"])
@@ -344,7 +340,9 @@ class Learner:
         settings, environment = self._settings, self._environment
         seen, wanted = environment.single_observation_space.shape[0], environment.single_action_space.shape[0]
         if settings.algorithm == "SAC":  # both observations, action, reward and two marks, of 32 bits each
-            numbers, purpose = settings.buffer_size * (2 * seen + wanted + 3), "the replay buffer"
+            # a checkpoint is put together from it, and copied once more as bytes
+            numbers = 3 * settings.buffer_size * (2 * seen + wanted + 3)
+            purpose = "the replay buffer with its checkpoint"
         else:  # observation, action, reward, mark, value, probability, advantage, return
             numbers = settings.num_envs * (settings.n_steps or 1) * (seen + wanted + 6)
             purpose = "a rollout"
@@ -375,12 +373,12 @@ class Learner:
 
     def _sac(self, seed: int) -> Any:
         settings = self._settings
-        return SAC(
+        return NormalisedSac(
             "MlpPolicy",
             self.vec_env,
+            normaliser=self.normaliser,
             learning_rate=settings.learning_rate,
             buffer_size=settings.buffer_size,
-            replay_buffer_class=_RememberingBuffer,
             learning_starts=settings.learning_starts,
             batch_size=settings.batch_size,
             tau=settings.tau,

@@ -85,12 +85,16 @@ class Normaliser:
 
     def reward(self, values: Any, over: Any) -> Any:
         """Divide the rewards of a step, shape (N,), by the spread of the discounted returns, float32."""
-        if not self.rewards:
-            return values.astype(np.float32)
-        if self.learning:
+        if self.rewards and self.learning:
             self._returns = self._returns * self._gamma + values
             self.returned.update(self._returns)
             self._returns[over] = 0.0
+        return self.scaled(values)
+
+    def scaled(self, values: Any) -> Any:
+        """Divide rewards by the spread of the discounted returns without an update of the moments."""
+        if not self.rewards:
+            return values.astype(np.float32)
         scaled = values / np.sqrt(self.returned.variance + 1e-8)
         return np.clip(scaled, -LIMIT, LIMIT).astype(np.float32)
 
@@ -105,3 +109,27 @@ class Normaliser:
         self.returned.load("normalise.returned", arrays)
         if arrays["normalise.returns"].shape == self._returns.shape:
             self._returns = np.array(arrays["normalise.returns"], np.float64)
+
+
+class Unapplied:
+    """Updates the moments of a normaliser with values, and returns the values unchanged.
+
+    For learners that keep values for long, and normalise them when they use them.
+    """
+
+    def __init__(self, normaliser: Normaliser) -> None:
+        self._normaliser = normaliser
+
+    def observation(self, values: Any) -> Any:
+        """See ``Normaliser``."""
+        self._normaliser.observation(values)
+        return values
+
+    def shown(self, values: Any) -> Any:
+        """See ``Normaliser``."""
+        return values
+
+    def reward(self, values: Any, over: Any) -> Any:
+        """See ``Normaliser``."""
+        self._normaliser.reward(values, over)
+        return values.astype(np.float32)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.vec_env import VecEnv
 
-from joshua_ppo_trainer.normalise import Normaliser
+from joshua_ppo_trainer.normalise import Normaliser, Unapplied
 
 #: Episodes over which success, return and length are averaged.
 WINDOW = 200
@@ -23,13 +23,13 @@ class BatchedVecEnv(VecEnv):  # type: ignore[misc,unused-ignore]
 
     Args:
         environment: has ``advance``, see ``joshua_mujoco_sim.envs.TermVectorEnv``, in the mode SAME_STEP.
-        normaliser: of observations and rewards.
+        normaliser: of observations and rewards; ``Unapplied`` for those of the environment.
 
     Attributes:
         episodes: of the last episodes, (return, length, success); done: total number of ended episodes.
     """
 
-    def __init__(self, environment: Any, normaliser: Normaliser) -> None:
+    def __init__(self, environment: Any, normaliser: Normaliser | Unapplied) -> None:
         self.environment, self.normaliser = environment, normaliser
         count = environment.num_envs
         super().__init__(count, environment.single_observation_space, environment.single_action_space)
