@@ -201,6 +201,28 @@ def test_many_environments_share_one_dictionary() -> None:
     assert vec_env.done == 4
 
 
+def test_the_last_observation_of_an_episode_is_that_of_its_end() -> None:
+    """Environments that restart one step later show it; PPO judges by it what a cut episode was worth."""
+    made = learner(normalize_observations=True)
+    vec_env: BatchedVecEnv = made.vec_env
+    vec_env.reset()
+    later: Any = make_vector_environment(REACH, num_envs=4, seed=5, autoreset_mode="NextStep")
+    later.reset()
+    still = np.zeros((4, 6), np.float32)
+    for _ in range(74):
+        vec_env.step(still)
+        later.step(still)
+    moments = made.normaliser.arrays()
+    fresh, _, over, infos = vec_env.step(still)
+    final, *_ = later.step(still)
+    assert over.all()
+    mean, variance = (moments[f"normalise.observed.{name}"] for name in ("mean", "variance"))
+    for index, info in enumerate(infos):
+        expected = np.clip((final[index] - mean) / np.sqrt(variance + 1e-8), -10.0, 10.0)
+        assert info["terminal_observation"] == pytest.approx(expected, abs=1e-4)
+        assert not np.allclose(info["terminal_observation"], fresh[index], atol=0.1)
+
+
 def test_checkpoints_are_whole_or_refused(tmp_path: Path) -> None:
     made = learner()
     rows(made, 1)

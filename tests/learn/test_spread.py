@@ -23,20 +23,20 @@ MAKE = "joshua_mujoco_sim.envs:make_vector_environment"
 torch.set_num_threads(1)
 
 
-def learner(workers: int, warnings: list[str], num_envs: int = 5) -> Learner:
+def learner(workers: int, warnings: list[str], num_envs: int = 5, **fields: Any) -> Learner:
     """A learner whose environments are in several workers; 0 for none."""
-    config = pb.RLConfig(
-        algorithm="PPO",
-        num_envs=num_envs,
-        total_timesteps=1000,
-        learning_rate=0.003,
-        batch_size=20,
-        n_steps=8,
-        n_epochs=2,
-        normalize_observations=True,
-        normalize_rewards=True,
-        randomise=True,
-    )
+    small = {
+        "total_timesteps": 1000,
+        "learning_rate": 0.003,
+        "gamma": 0.9,
+        "batch_size": 20,
+        "n_steps": 8,
+        "n_epochs": 2,
+        "normalize_observations": True,
+        "normalize_rewards": True,
+        "randomise": True,
+    }
+    config = pb.RLConfig(algorithm="PPO", num_envs=num_envs, **{**small, **fields})
     settings = TrainerSettings.from_block(pb.Training(environment=pb.ENV_SIMULATION, rl_config=config))
     settings = settings.suitable(REACH)
     options: dict[str, Any] = {"autoreset_mode": "SameStep", "randomise": True, "seed": 5}
@@ -52,7 +52,7 @@ def learner(workers: int, warnings: list[str], num_envs: int = 5) -> Learner:
         randomise=True,
         network={**network_of(settings), "log_std_init": settings.initial_log_std},
         gamma=settings.gamma,
-        observations=True,
+        observations=bool(settings.normalize_observations),
     )
     local = make_vector_environment(REACH, num_envs=1, **options)
     return Learner(settings, SpreadEnvironment(local, Processes(1), parts, warnings.append), 5)
@@ -131,3 +131,40 @@ def test_a_collector_that_is_made_again_collects_the_same() -> None:
         assert np.array_equal(values, getattr(again, name)), name
     assert again.episodes == expected.episodes
     assert not differ(again.state, expected.state)
+
+
+def test_an_episode_that_is_cut_off_is_worth_its_last_observation() -> None:
+    made = learner(1, [])
+    (worker,) = made.vec_env.environment._crew._members
+    sent = checkpoint.weights_of(made.policy), made.normaliser.arrays()
+    part = worker.collect(sent, 75, 1)
+    later: Any = make_vector_environment(REACH, num_envs=5, seed=5, autoreset_mode="NextStep", randomise=True)
+    later.reset(seed=5)
+    cut = np.zeros(5, bool)
+    for actions in part.actions:
+        final, _, _, cut, _ = later.step(np.clip(actions, -1.0, 1.0))
+    assert cut.sum() >= 3
+    shown = torch.as_tensor(made.normaliser.shown(final))
+    values = made.policy.predict_values(shown).detach().numpy()[:, 0]
+    assert part.bootstraps[-1][cut] == pytest.approx(made._settings.gamma * values[cut], rel=1e-4)
+    assert (part.bootstraps[-1][~cut] == 0.0).all()
+    assert (part.bootstraps[:-1] == 0.0).all()
+
+
+def test_workers_collect_what_the_environments_here_collect() -> None:
+    # moments of observations change with each step here, but with each rollout in the workers
+    fields: dict[str, Any] = {"num_envs": 3, "n_steps": 80, "normalize_observations": False}
+    spread = learner(1, [], **fields)
+    spread._start()
+    assert spread.vec_env.rollout(spread._model, 0, lambda: False)
+    here = learner(0, [], **fields)
+    here._start()
+    here._model._last_obs, _ = here.vec_env.environment.reset(seed=5)  # as the worker starts
+    torch.manual_seed(int(np.random.SeedSequence([5, 0, 0]).generate_state(1)[0]))
+    model = here._model
+    assert model.collect_rollouts(model.env, here._callback, model.rollout_buffer, n_rollout_steps=80)
+    found, expected = spread._model.rollout_buffer, model.rollout_buffer
+    assert expected.episode_starts[75].any()
+    for name in ("observations", "actions", "episode_starts", "rewards", "values", "advantages", "returns"):
+        assert getattr(found, name) == pytest.approx(getattr(expected, name), rel=1e-3, abs=1e-4), name
+    assert list(spread.vec_env.episodes) == list(here.vec_env.episodes)

@@ -87,6 +87,32 @@ class Points:
         return moved, Step(self.seen(moved), final, rewards, done, cut, done)
 
 
+class Scripted:
+    """Two environments without chance: the first is cut off by step 3, the second ends by step 2."""
+
+    task = Points.task
+    single_observation_space = Points.single_observation_space
+
+    def reset(self, keys: Any) -> Any:
+        del keys
+        carry = {"time": jnp.zeros(2, jnp.int32), "age": jnp.zeros(2, jnp.int32)}
+        return carry, self.seen(carry["time"], carry["age"])
+
+    @staticmethod
+    def seen(time: Any, age: Any) -> Any:
+        return jnp.stack([jnp.sin(2.0 * age), jnp.array([0.5, -0.5]) + age, 0.1 * time], axis=1)
+
+    def step(self, carry: Any, actions: Any) -> Any:
+        del actions
+        time, age = carry["time"] + 1, carry["age"] + 1
+        done, cut = (time == 2) & jnp.array([False, True]), (time == 3) & jnp.array([True, False])
+        following = {"time": time, "age": jnp.where(done | cut, 0, age)}
+        rewards = 0.5 * time + jnp.array([0.0, 1.0])
+        return following, Step(
+            self.seen(time, following["age"]), self.seen(time, age), rewards, done, cut, done
+        )
+
+
 def settings(**fields: Any) -> MjxSettings:
     block = pb.Training(environment=pb.ENV_SIMULATION, rl_config=pb.RLConfig(**{**SMALL, **fields}))
     return MjxSettings.from_block(block).suitable("acme/Points-v0")
@@ -131,6 +157,39 @@ def test_it_learns() -> None:
     assert last["episode/success_rate"] > 0.98 > first["episode/success_rate"] + 0.1
     assert last["steps"] == 25 * 64 * 16
     assert last["episode/length"] < 6
+
+
+def test_an_episode_that_is_cut_off_counts_what_it_would_have_been_worth() -> None:
+    """Advantages are sums over the temporal differences up to the end of each episode."""
+    steps, gamma, lam = 5, 0.9, 0.8
+    plain: dict[str, Any] = {"normalize_observations": False, "normalize_rewards": False}
+    made = learner(Scripted(), num_envs=2, n_steps=steps, batch_size=2, gae_lambda=lam, **plain)
+    with jax.disable_jit():
+        made.prepare()
+        tree, samples = made._collected(made.tree, steps)
+        batch = made._judged(tree, samples)
+
+    def value(time: int, age: int) -> Any:
+        seen = Scripted.seen(jnp.full(2, time), jnp.full(2, age))
+        return np.asarray(network.value(made.tree["weights"], seen, made._settings))
+
+    for index, end, terminal in ((0, 3, False), (1, 2, True)):
+        ages = [time if time < end else time - end for time in range(steps + 1)]
+        values = [value(time, age)[index] for time, age in enumerate(ages)]
+        following = values[1:]
+        following[end - 1] = 0.0 if terminal else value(end, end)[index]
+        rewards = [0.5 * time + index for time in range(1, steps + 1)]
+        differences = [r + gamma * f - v for r, f, v in zip(rewards, following, values[:-1], strict=True)]
+        stops = [end if time < end else steps for time in range(steps)]
+        expected = [
+            sum((gamma * lam) ** (k - time) * differences[k] for k in range(time, stops[time]))
+            for time in range(steps)
+        ]
+        assert np.asarray(batch["advantages"]).reshape(steps, 2)[:, index] == pytest.approx(
+            expected, rel=1e-4
+        )
+        targets = np.add(expected, values[:-1])
+        assert np.asarray(batch["targets"]).reshape(steps, 2)[:, index] == pytest.approx(targets, rel=1e-4)
 
 
 def test_it_goes_on_from_a_checkpoint_bit_for_bit(tmp_path: Path) -> None:
