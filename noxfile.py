@@ -204,6 +204,10 @@ def learn(session: nox.Session) -> None:
     if session.posargs[:1] == ["soak"]:
         session.run("python", "tests/learn/soak_resume.py", *session.posargs[1:], env=environment)
         return
+    if session.posargs and session.posargs[0].startswith("soak_"):
+        soak, *more = session.posargs
+        session.run("python", f"tests/learn/{soak}.py", *more, env=environment)
+        return
     session.run(
         "pytest",
         *("-c", "/dev/null", "--rootdir", "tests/learn", "-p", "no:cacheprovider"),
