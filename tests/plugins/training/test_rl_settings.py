@@ -139,7 +139,7 @@ def test_a_field_of_ppo_has_no_effect_with_sac(name: str) -> None:
 @pytest.mark.parametrize(
     ("trainer", "fields"),
     [
-        ("ppo", ('algorithm="SAC"', "value_weight=0.5", "batch_size=1")),
+        ("ppo", ('algorithm="SAC"', "value_weight=0.5", "batch_size=1", "learning_starts=0")),
         *((trainer, ("tau=0.005", "buffer_size=300000")) for trainer in TRAINERS),
     ],
 )
@@ -190,6 +190,23 @@ def test_what_is_omitted_suits_the_environment(trainer: str) -> None:
     other = chosen.suitable("joshua/Ant-v0")
     assert (other.n_steps, other.hidden_sizes, other.normalize_rewards) == (5, (7,), False)
     assert (other.entropy_weight, other.gae_lambda) == (0.0, 0.0)
+
+
+def test_sac_has_defaults_of_its_own() -> None:
+    other = settings(algorithm="SAC").suitable("acme/Other-v0")
+    assert (other.hidden_sizes, other.activation, other.learning_starts) == ((256, 256), "relu", 5000)
+    assert (other.normalize_observations, other.normalize_rewards, other.n_steps) == (True, False, None)
+    reach = "joshua/SoArm100Reach-v0"
+    found = vars(TrainerSettings.SUITABLE_SAC[reach])
+    ours = settings(algorithm="SAC").suitable(reach)
+    assert {field: getattr(ours, field) for field in found} == found
+    assert settings(algorithm="SAC", activation="elu").suitable(reach).activation == "elu"
+
+
+@pytest.mark.parametrize("given", [0, 7])
+def test_updates_may_start_at_once(given: int) -> None:
+    ours = settings(algorithm="SAC", learning_starts=given).suitable("acme/Other-v0")
+    assert ours.learning_starts == given
 
 
 @each_trainer

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from joshua.api import FieldError
-from joshua_training.rl_settings import RlSettings, Suitable
+from joshua_training.rl_settings import RlSettings, Suitable, SuitableSac
 from pydantic import model_validator
 from typing_extensions import Self
 
@@ -25,6 +25,12 @@ class TrainerSettings(RlSettings):
             n_steps=64, hidden_sizes=(128, 128), normalize_observations=False
         ),
         "joshua/Ant-v0": Suitable(n_steps=64, n_epochs=10, initial_log_std=-1.0),
+    }
+    SUITABLE_SAC: ClassVar[Mapping[str, SuitableSac]] = {
+        "joshua/SoArm100Reach-v0": SuitableSac(
+            hidden_sizes=(64, 64), normalize_observations=False, learning_starts=1_000
+        ),
+        "joshua/SoArm100PickPlace-v0": SuitableSac(normalize_observations=False),
     }
 
     @model_validator(mode="after")

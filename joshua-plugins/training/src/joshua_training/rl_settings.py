@@ -27,7 +27,7 @@ SAC_ONLY = ("buffer_size", "learning_starts", "tau", "updates_per_step")
 
 @dataclass(frozen=True)
 class Suitable:
-    """Defaults of an environment for fields that the file omits."""
+    """Defaults of an environment for fields that the file omits, with PPO."""
 
     n_steps: int = 32
     n_epochs: int = 8
@@ -38,6 +38,17 @@ class Suitable:
     initial_log_std: float = -0.5
     normalize_observations: bool = True
     normalize_rewards: bool = True
+
+
+@dataclass(frozen=True)
+class SuitableSac:
+    """Defaults of an environment for fields that the file omits, with SAC."""
+
+    hidden_sizes: tuple[int, ...] = (256, 256)
+    activation: str = "relu"
+    normalize_observations: bool = True
+    normalize_rewards: bool = False
+    learning_starts: int = 5_000
 
 
 class RlSettings(RunSettings):
@@ -56,9 +67,11 @@ class RlSettings(RunSettings):
     #: Fields that have no effect with the trainer, and the reason.
     WITHOUT_EFFECT: ClassVar[Mapping[str, str]] = {}
 
-    #: Defaults by environment id, and those of all other environments.
+    #: Defaults by environment id, and those of all other environments, with each algorithm.
     SUITABLE: ClassVar[Mapping[str, Suitable]] = {}
     OTHERWISE: ClassVar[Suitable] = Suitable()
+    SUITABLE_SAC: ClassVar[Mapping[str, SuitableSac]] = {}
+    OTHERWISE_SAC: ClassVar[SuitableSac] = SuitableSac()
 
     algorithm: str = "PPO"
     num_envs: int = 1
@@ -83,7 +96,7 @@ class RlSettings(RunSettings):
     checkpoint_steps: int = 100_000
     physics_threads: int = 0
     buffer_size: int = 300_000
-    learning_starts: int = 5_000
+    learning_starts: int | None = None
     tau: float = 0.005
     updates_per_step: int = 8
 
@@ -147,7 +160,11 @@ class RlSettings(RunSettings):
 
     def suitable(self, environment_id: str) -> Self:
         """Return the settings, completed by the defaults of an environment."""
-        found = self.SUITABLE.get(environment_id, self.OTHERWISE)
+        found: Suitable | SuitableSac
+        if self.algorithm == "SAC":
+            found = self.SUITABLE_SAC.get(environment_id, self.OTHERWISE_SAC)
+        else:
+            found = self.SUITABLE.get(environment_id, self.OTHERWISE)
         open_fields = {
             name: value for name, value in vars(found).items() if getattr(self, name) in (None, (), "")
         }
