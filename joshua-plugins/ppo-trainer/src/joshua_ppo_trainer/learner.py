@@ -99,10 +99,13 @@ class Learner:
             rewards=bool(settings.normalize_rewards),
         )
         self._require_memory()
-        kind = SpreadVecEnv if isinstance(environment, SpreadEnvironment) else BatchedVecEnv
-        self.vec_env = kind(
-            environment, Unapplied(self.normaliser) if settings.algorithm == "SAC" else self.normaliser
-        )
+        self.vec_env: BatchedVecEnv
+        if isinstance(environment, SpreadEnvironment):
+            self.vec_env = SpreadVecEnv(environment, self.normaliser)
+        elif settings.algorithm == "SAC":
+            self.vec_env = BatchedVecEnv(environment, Unapplied(self.normaliser))
+        else:
+            self.vec_env = BatchedVecEnv(environment, self.normaliser)
         self._asked, self._told = asked, told
         self._watch = _Watch(asked, told)
         self._model: Any = self._ppo(seed) if settings.algorithm == "PPO" else self._sac(seed)

@@ -273,7 +273,15 @@ class SpreadEnvironment:
 
 
 class SpreadVecEnv(BatchedVecEnv):
-    """Spaces for stable-baselines3, whose own collection is replaced by ``rollout``."""
+    """Spaces for stable-baselines3, whose own collection is replaced by ``rollout``.
+
+    Args:
+        environment: that of the workers; normaliser: of observations and rewards.
+    """
+
+    def __init__(self, environment: SpreadEnvironment, normaliser: Normaliser) -> None:
+        super().__init__(environment, normaliser)
+        self._moments = normaliser
 
     def reset(self) -> Any:
         """Return zeros: the workers start their episodes themselves."""
@@ -281,7 +289,7 @@ class SpreadVecEnv(BatchedVecEnv):
 
     def rollout(self, model: Any, iteration: int, stopping: Callable[[], bool]) -> bool:
         """Fill the rollout buffer of PPO from the workers; return False if learning was stopped."""
-        normaliser, buffer = self.normaliser, model.rollout_buffer
+        normaliser, buffer = self._moments, model.rollout_buffer
         sent = (checkpoint.weights_of(model.policy), normaliser.arrays())
         try:
             parts = self.environment.collect(sent, model.n_steps, iteration, stopping)
