@@ -1,7 +1,8 @@
 """Makes LeRobot importable beside a torch without CUDA, and lets it decode videos with PyAV.
 
 PyPI's torchvision expects operators that a CPU build of torch does not have. They are declared here and
-never called.
+never called. LeRobot's writer relies on ``float`` of an array of shape (1,), which newer releases of numpy
+refuse.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import av
+import datasets
 import numpy as np
 import torch
 
@@ -37,9 +39,17 @@ def decode(path: Path, timestamps: list[float], tolerance_s: float, backend: str
     return torch.from_numpy(stacked).permute(0, 3, 1, 2).float() / 255
 
 
+_encode = datasets.Value.encode_example
+
+
+def _encoded(self: datasets.Value, value: Any) -> Any:
+    return _encode(self, value.item() if isinstance(value, np.ndarray) else value)
+
+
 def lerobot_dataset() -> Any:
-    """LeRobot's class of data sets, which decodes with ``decode``."""
+    """LeRobot's class of data sets, which decodes with ``decode``, and writes features of shape (1,)."""
     import lerobot.datasets.lerobot_dataset as module
 
     module.decode_video_frames = decode
+    datasets.Value.encode_example = _encoded
     return module.LeRobotDataset

@@ -80,16 +80,97 @@ def test_lerobot_loads_ours_with_every_value_equal(tmp_path: Path) -> None:
     assert stats[TOP]["mean"].shape == (3, 1, 1)
 
 
-def test_datasets_library_reads_ours(tmp_path: Path) -> None:
+def by_datasets(folder: Path) -> Any:
+    """The table of a data set as the library ``datasets`` reads it."""
     import datasets
 
-    ours(tmp_path / "set")
-    files = [str(path) for path in sorted((tmp_path / "set/data").rglob("*.parquet"))]
-    table = datasets.load_dataset(
-        "parquet", data_files=files, split="train", cache_dir=str(tmp_path / "cache")
+    files = [str(path) for path in sorted((folder / "data").rglob("*.parquet"))]
+    return datasets.load_dataset(
+        "parquet", data_files=files, split="train", cache_dir=str(folder.with_name("cache"))
     )
+
+
+def test_datasets_library_reads_ours(tmp_path: Path) -> None:
+    ours(tmp_path / "set")
+    table = by_datasets(tmp_path / "set")
     assert len(table) == sum(LENGTHS)
     assert table[3]["action"] == [3.5, 0.0]
+
+
+SINGLE = FeatureSet(
+    [
+        Feature.joints("observation.state", ("motor",)),
+        Feature.joints("action", ("motor",)),
+        Feature("next.reward", "float32", (1,)),
+        Feature("intervention", "bool", (1,)),
+    ]
+)
+
+
+def single(number: int) -> dict[str, Any]:
+    """A frame of features of one number each."""
+    return {
+        "observation.state": np.array([number], np.float32),
+        "action": np.array([number + 0.5], np.float32),
+        "next.reward": np.array([-number], np.float32),
+        "intervention": np.array([number % 3 == 0]),
+    }
+
+
+def test_features_of_one_number_are_as_lerobot_writes_them(tmp_path: Path) -> None:
+    described = {key: item | {"shape": (1,)} for key, item in SINGLE.as_lerobot().items()}
+    theirs = lerobot_dataset().create("me/theirs", FPS, described, root=tmp_path / "theirs", use_videos=False)
+    with contextlib.closing(LeRobotWriter(DatasetLayout(tmp_path / "ours", "", FPS, SINGLE))) as writer:
+        writer.open()
+        for length in LENGTHS:
+            for number in range(length):
+                writer.add_frame(Frame(1_000_000_000 + number * 50_000_000, single(number)))
+                theirs.add_frame(single(number) | {"task": "turn"})
+            writer.end_episode("turn")
+            theirs.save_episode()
+        theirs.finalize()
+    names = ("theirs", "ours")
+    one, two = (lerobot_dataset()("me/set", root=tmp_path / name) for name in names)
+    assert len(one) == len(two) == sum(LENGTHS)
+    for key in SINGLE:
+        for index in (0, 35, 61):
+            expected, found = one[index][key], two[index][key]
+            assert (found.dtype, found.shape, found.item()) == (
+                expected.dtype,
+                expected.shape,
+                expected.item(),
+            )
+        assert one.hf_dataset.features[key] == two.hf_dataset.features[key]
+        assert {name: value.shape for name, value in two.meta.stats[key].items()} == {
+            name: value.shape for name, value in one.meta.stats[key].items()
+        }
+        for name in ("min", "max", "mean"):
+            assert two.meta.stats[key][name] == pytest.approx(one.meta.stats[key][name].astype(float))
+    assert by_datasets(tmp_path / "ours")[35]["action"] == 5.5
+    expected_rows = [single(number) for number in range(LENGTHS[1])]
+    for name in names:
+        there = Dataset.read(tmp_path / name)
+        (episode,) = there.episode_list({1})
+        columns = there.columns(episode)
+        for key in SINGLE:
+            assert columns[key].tolist() == [row[key].tolist() for row in expected_rows]
+            stored = episode.statistics[key]
+            assert (stored["max"], stored["count"]) == ([columns[key].max()], [LENGTHS[1]])
+        assert [str(problem) for problem in check(tmp_path / name, workers=1) if problem.serious] == []
+
+
+def test_lerobot_loads_a_demonstration(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="records in a simulation")
+    from joshua.cli.main import main
+
+    assert main(["demonstrate", "SoArm100Reach-v0", str(tmp_path / "reach"), "--episodes", "1"]) == 0
+    loaded = lerobot_dataset()("me/reach", root=tmp_path / "reach")
+    columns = (there := Dataset.read(tmp_path / "reach")).columns(next(there.episode_list()))
+    assert len(loaded) == len(columns["action"])
+    last = loaded[len(loaded) - 1]
+    for key in there.features:
+        assert last[key].reshape(-1).tolist() == columns[key][-1].tolist()
+    assert {last[key].shape for key in last if key.startswith("next.")} == {()}
 
 
 def test_our_tools_read_lerobots(tmp_path: Path) -> None:

@@ -290,6 +290,20 @@ def test_our_own_data_sets_are_read_in_every_format(tmp_path: Path, name: str) -
         read_trajectories(tmp_path / "data", (2,))
 
 
+@pytest.mark.parametrize("name", ["LeRobotWriter", "CsvWriter", "JsonlWriter"])
+def test_a_data_set_of_one_joint_is_read(tmp_path: Path, name: str) -> None:
+    features = FeatureSet([Feature("action", "float32", (1,), JOINTS[:1], "rad")])
+    written = getattr(writer, name)(DatasetLayout(tmp_path / "data", "motor", 10, features))
+    written.open()
+    for index, position in enumerate(POSITIONS[:, :1].astype("f4")):
+        written.add_frame(Frame(10**9 + index * 10**8, {"action": position}))
+    written.end_episode("turn")
+    written.close()
+    (found,) = read_trajectories(tmp_path / "data")
+    assert found.names == JOINTS[:1]
+    assert found.position == pytest.approx(POSITIONS[:, :1], abs=1e-6)
+
+
 @pytest.mark.parametrize("version", ["v3.0", "v2.1"])
 def test_a_data_set_that_lerobot_has_recorded_is_read(tmp_path: Path, version: str) -> None:
     """Both layouts as LeRobot writes them: normalised joints, videos beside them, several episodes."""

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
 from joshua.features import DatasetLayout, EpisodeError
 
@@ -78,39 +80,65 @@ def check_layout(layout: DatasetLayout, table_format: str, *, whole: bool = True
         raise EpisodeError("LeRobot's layout keeps pictures as videos: leave pictures out")
 
 
-def data_schema(layout: DatasetLayout) -> pa.Schema:
-    """Return the schema of frame tables; its metadata describe the features to the ``datasets`` library."""
-    numbers = layout.features.numbers
-    fields = [
-        pa.field(feature.key, pa.list_(pa.from_numpy_dtype(feature.dtype), feature.shape[0]))
-        for feature in numbers
-    ]
-    described: dict[str, Any] = {
-        feature.key: {
-            "feature": {"dtype": feature.dtype, "_type": "Value"},
-            "length": feature.shape[0],
-            "_type": "List",
-        }
-        for feature in numbers
-    }
+def data_schema(layout: DatasetLayout, *, lists_of_one: bool = False) -> pa.Schema:
+    """Return the schema of frame tables; its metadata describe the features to the ``datasets`` library.
+
+    LeRobot reads a feature of the shape (1,) only from a column of numbers.
+
+    Args:
+        lists_of_one: store such a feature as lists of length 1, as the tables that are appended to do.
+    """
+    fields = []
+    described: dict[str, Any] = {}
+    for feature in layout.features.numbers:
+        kind, value = pa.from_numpy_dtype(feature.dtype), {"dtype": feature.dtype, "_type": "Value"}
+        if feature.shape == (1,) and not lists_of_one:
+            fields.append(pa.field(feature.key, kind))
+            described[feature.key] = value
+        else:
+            fields.append(pa.field(feature.key, pa.list_(kind, feature.shape[0])))
+            described[feature.key] = {"feature": value, "length": feature.shape[0], "_type": "List"}
     for name, kind in INDEX_COLUMNS.items():
         fields.append(pa.field(name, pa.float32() if kind == "float32" else pa.int64()))
         described[name] = {"dtype": kind, "_type": "Value"}
     return pa.schema(fields, metadata={"huggingface": json.dumps({"info": {"features": described}})})
 
 
-def flat_table(table: pa.Table, layout: DatasetLayout) -> pa.Table:
-    """Return a table with one column for each number of a vector, named ``action.shoulder_pan``."""
-    columns: dict[str, Any] = {}
-    for name in table.column_names:
-        column = table.column(name)
-        if pa.types.is_fixed_size_list(column.type):
-            names = layout.features[name].names or tuple(map(str, range(column.type.list_size)))
-            values = column.combine_chunks().flatten().to_numpy().reshape(len(table), -1)
-            columns |= {f"{name}.{part}": values[:, i] for i, part in enumerate(names)}
+def is_list(kind: pa.DataType) -> bool:
+    """Return whether a column contains lists."""
+    kinds = (pa.types.is_fixed_size_list, pa.types.is_list, pa.types.is_large_list)
+    return any(matches(kind) for matches in kinds)
+
+
+def column_of(values: npt.NDArray[Any], kind: pa.DataType) -> pa.Array:
+    """Return numbers, (N,) or (N, D), as a column of numbers or of lists of a fixed length."""
+    if is_list(kind):
+        return pa.FixedSizeListArray.from_arrays(pa.array(values.reshape(-1)), kind.list_size)
+    return pa.array(values.reshape(-1), kind)
+
+
+def array_of(column: pa.ChunkedArray) -> npt.NDArray[Any]:
+    """Return a column as an array: (N,) for numbers, (N, D) for lists, objects for lists that differ."""
+    values = column.combine_chunks()
+    if not is_list(values.type):
+        return np.asarray(values.to_numpy(zero_copy_only=False))
+    flat = values.flatten().to_numpy(zero_copy_only=False)
+    if len(values) and len(flat) % len(values) == 0 and not values.null_count:
+        return np.asarray(flat).reshape(len(values), -1)
+    return np.asarray(values.to_pylist(), dtype=object)
+
+
+def flat_table(columns: Mapping[str, npt.NDArray[Any]], layout: DatasetLayout) -> pa.Table:
+    """Return a table with one column for each number of a feature, named ``action.shoulder_pan``."""
+    flat: dict[str, Any] = {}
+    for name, values in columns.items():
+        if name in layout.features:
+            rows = values.reshape(len(values), -1)
+            names = layout.features[name].names or tuple(map(str, range(rows.shape[1])))
+            flat |= {f"{name}.{part}": rows[:, i] for i, part in enumerate(names)}
         else:
-            columns[name] = column
-    return pa.table(columns)
+            flat[name] = values
+    return pa.table(flat)
 
 
 def info(

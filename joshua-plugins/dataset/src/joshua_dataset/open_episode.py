@@ -14,7 +14,7 @@ import pyarrow as pa
 from joshua.features import DatasetLayout
 
 from joshua_dataset.lock import PRIVATE
-from joshua_dataset.metadata import STAMP
+from joshua_dataset.metadata import STAMP, array_of, column_of
 from joshua_dataset.pictures import FRAGMENT_S, QUEUE_S, Encoder, PictureFiles, Video
 from joshua_dataset.statistics import Statistics
 
@@ -107,14 +107,10 @@ class OpenEpisode:
     def _flush(self) -> None:
         if not self._rows:
             return
-        arrays = []
-        for field in self._schema:
-            values = np.asarray([row[field.name] for row in self._rows])
-            arrays.append(
-                pa.FixedSizeListArray.from_arrays(pa.array(values.reshape(-1)), field.type.list_size)
-                if pa.types.is_fixed_size_list(field.type)
-                else pa.array(values, field.type)
-            )
+        arrays = [
+            column_of(np.asarray([row[field.name] for row in self._rows]), field.type)
+            for field in self._schema
+        ]
         self._stream.write_batch(pa.record_batch(arrays, schema=self._schema))
         self._file.flush()
         self._rows.clear()
@@ -155,11 +151,4 @@ def rows_of(folder: Path) -> pa.Table | None:
 
 def columns_of(table: pa.Table) -> dict[str, Any]:
     """Return the columns of a table as arrays, (N,) or (N, D)."""
-    found: dict[str, Any] = {}
-    for name in table.column_names:
-        column = table.column(name).combine_chunks()
-        if pa.types.is_fixed_size_list(column.type):
-            found[name] = column.flatten().to_numpy(zero_copy_only=False).reshape(len(table), -1)
-        else:
-            found[name] = column.to_numpy(zero_copy_only=False)
-    return found
+    return {name: array_of(table.column(name)) for name in table.column_names}

@@ -23,7 +23,7 @@ from joshua_dataset import statistics
 from joshua_dataset.decoding import DatasetError as DatasetError
 from joshua_dataset.decoding import Pictures, pictures_of_video
 from joshua_dataset.decoding import picture_of as picture_of
-from joshua_dataset.metadata import INDEX_COLUMNS, INFO, MESSAGES, OURS, STATS, TASKS
+from joshua_dataset.metadata import INDEX_COLUMNS, INFO, MESSAGES, OURS, STATS, TASKS, array_of, is_list
 from joshua_dataset.statistics import Statistics
 
 #: Largest metadata file that is read, and largest line of one, bytes.
@@ -189,7 +189,7 @@ class Dataset:
         for name in table.column_names:
             if name in self.features and self.features[name].is_picture:
                 continue
-            found[name] = _array(table.column(name))
+            found[name] = array_of(table.column(name))
         if self.format == "csv":
             found = self._gathered(found)
         for name in (name for name in INDEX_COLUMNS if name in found):
@@ -208,6 +208,15 @@ class Dataset:
                     f"and {feature.shape} is described"
                 )
         return found
+
+    def has_lists_of_one(self) -> bool:
+        """Return whether the tables store features of one number as lists. Raises DatasetError."""
+        single = {feature.key for feature in self.features.numbers if feature.shape == (1,)}
+        first = next(self.episode_list(), None) if single else None
+        if first is None:
+            return False
+        schema = self._table(first).schema
+        return any(field.name in single and is_list(field.type) for field in schema)
 
     def decoded(self, episode: Episode, key: str) -> Iterator[npt.NDArray[np.uint8]]:
         """Yield the pictures of an episode, (H, W, 3) RGB, in order. Raises DatasetError."""
@@ -359,14 +368,3 @@ def _lines(path: Path, needed: bool) -> Iterator[dict[str, Any]]:
             raise DatasetError(f"{path} is missing") from error
     except (OSError, ValueError, TypeError, RecursionError) as error:
         raise DatasetError(f"{path} cannot be read: {error}") from error
-
-
-def _array(column: pa.ChunkedArray) -> npt.NDArray[Any]:
-    values = column.combine_chunks()
-    kind = values.type
-    if pa.types.is_fixed_size_list(kind) or pa.types.is_list(kind) or pa.types.is_large_list(kind):
-        flat = values.flatten().to_numpy(zero_copy_only=False)
-        if len(values) and len(flat) % len(values) == 0 and not values.null_count:
-            return np.asarray(flat).reshape(len(values), -1)
-        return np.asarray(values.to_pylist(), dtype=object)
-    return np.asarray(values.to_numpy(zero_copy_only=False))

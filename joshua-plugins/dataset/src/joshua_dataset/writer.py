@@ -259,7 +259,12 @@ class DatasetWriter(EpisodeWriter):
     def _take_up(self, there: Dataset) -> None:
         self.episodes, self.frames = there.episodes, there.frames
         self._tasks = list(there.tasks)
-        self._statistics = there.statistics()
+        try:
+            self._statistics = there.statistics()
+            if there.has_lists_of_one():  # the tables of a data set have the same columns
+                self._schema = metadata.data_schema(self.layout, lists_of_one=True)
+        except DatasetError as error:
+            raise EpisodeError(str(error)) from error
 
     def _differences(self, there: Dataset) -> list[str]:
         layout = self.layout
@@ -313,14 +318,10 @@ class DatasetWriter(EpisodeWriter):
         staging.json(folder / INFO, info)  # last: it counts the episode
 
     def _table(self, columns: Mapping[str, Any]) -> pa.Table:
-        arrays = [
-            pa.FixedSizeListArray.from_arrays(pa.array(columns[field.name].reshape(-1)), field.type.list_size)
-            if pa.types.is_fixed_size_list(field.type)
-            else pa.array(columns[field.name], field.type)
-            for field in self._schema
-        ]
-        table = pa.Table.from_arrays(arrays, schema=self._schema)
-        return metadata.flat_table(table, self.layout) if self.format == "csv" else table
+        if self.format == "csv":
+            return metadata.flat_table({name: columns[name] for name in self._schema.names}, self.layout)
+        arrays = [metadata.column_of(columns[field.name], field.type) for field in self._schema]
+        return pa.Table.from_arrays(arrays, schema=self._schema)
 
     def _episode_row(
         self, length: int, task: str, found: Mapping[str, Statistics], counts: Mapping[str, int]

@@ -24,7 +24,7 @@ from joshua_mujoco_sim.trajectories.trajectory import (
 
 TIME_COLUMNS = ("time_s", "timestamp")
 
-#: Columns of a data set that hold all joints as a list; commanded positions take precedence.
+#: Columns of a data set that hold all joints, several as a list; commanded positions take precedence.
 VECTOR_COLUMNS = (ACTION, STATE)
 
 #: Columns that are not joints.
@@ -117,6 +117,8 @@ def from_columns(source: str, columns: Mapping[str, Any], vector_names: Sequence
         time_s = np.asarray(columns[time], dtype=np.float64)
         if vector is not None:
             position: FloatArray = np.asarray(columns[vector], dtype=np.float64)
+            if position.ndim == 1:  # LeRobot stores a single joint as a number
+                position = position[:, np.newaxis]
             names = tuple(vector_names)
         else:
             chosen = [name for name in columns if name != time and name not in _OTHER_COLUMNS]
