@@ -15,7 +15,7 @@ from joshua.schema import config_pb2 as pb
 from joshua_isaac_trainer.settings import IsaacSettings
 from joshua_mjx_trainer.settings import MjxSettings
 from joshua_ppo_trainer.settings import TrainerSettings
-from joshua_training.rl_settings import RlSettings, Suitable
+from joshua_training.rl_settings import PPO_ONLY, SAC_ONLY, RlSettings, Suitable
 
 CONFIGS = Path(__file__).resolve().parents[3] / "configs"
 TRAINERS: dict[str, type[RlSettings]] = {"ppo": TrainerSettings, "mjx": MjxSettings, "isaac": IsaacSettings}
@@ -190,6 +190,16 @@ def test_what_is_omitted_suits_the_environment(trainer: str) -> None:
     other = chosen.suitable("joshua/Ant-v0")
     assert (other.n_steps, other.hidden_sizes, other.normalize_rewards) == (5, (7,), False)
     assert (other.entropy_weight, other.gae_lambda) == (0.0, 0.0)
+
+
+def test_fields_of_the_other_algorithm_are_no_facts_of_a_run() -> None:
+    """Their defaults change without a difference for the run."""
+    names = TrainerSettings.model_fields.keys()
+    for algorithm, read, others in (("PPO", PPO_ONLY, SAC_ONLY), ("SAC", SAC_ONLY, PPO_ONLY)):
+        found = set(settings(algorithm=algorithm).foreign)
+        assert found == set(others)
+        assert not found & set(read)
+        assert found <= names
 
 
 def test_sac_has_defaults_of_its_own() -> None:

@@ -71,7 +71,7 @@ class RlTrainer(LearningNode):
             "environment": chosen.environment_id,
             "reward_function": chosen.reward_function,
             "seed": seed,
-            "settings": settings.model_dump(exclude=_HIDDEN),
+            "settings": settings.model_dump(exclude=_HIDDEN.union(settings.foreign)),
         }
         self.checkpoint_steps = settings.checkpoint_steps
         self.halves = settings.halves()

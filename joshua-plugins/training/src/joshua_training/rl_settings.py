@@ -120,7 +120,7 @@ class RlSettings(RunSettings):
                     remedy=f"remove {name}",
                 )
         other = "SAC" if self.algorithm == "PPO" else "PPO"
-        for name in SAC_ONLY if other == "SAC" else PPO_ONLY:
+        for name in self.foreign:
             if self._is_given(name):
                 raise FieldError(
                     f"rl_config.{name}",
@@ -157,6 +157,11 @@ class RlSettings(RunSettings):
         if self.algorithm == "SAC":
             return f"halve buffer_size, to {max(1, self.buffer_size // 2)}"
         return f"halve num_envs, to {max(1, self.num_envs // 2)}, or n_steps"
+
+    @property
+    def foreign(self) -> tuple[str, ...]:
+        """Fields that only the other algorithm reads, so they are no facts of a run."""
+        return SAC_ONLY if self.algorithm == "PPO" else PPO_ONLY
 
     def suitable(self, environment_id: str) -> Self:
         """Return the settings, completed by the defaults of an environment."""
