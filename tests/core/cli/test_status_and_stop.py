@@ -103,6 +103,16 @@ def test_status_shows_the_run_and_stop_ends_it(environment, running):
         f"joshua status: three.pbtxt is not running\n  {process.pid}  {path}\n",
     )
 
+    slow = joshua(environment, "stop", "--timeout", "0.001")
+    assert slow.returncode == 1
+    assert slow.stderr == (
+        f"joshua stop: process {process.pid} still runs 0.001 s after the request to stop. "
+        f"Run `joshua status` to see why; `kill {process.pid}` ends it and loses what it still writes\n"
+    )
+
+
+def test_a_stopped_run_is_named(environment, running):
+    process, path = running
     stopped = joshua(environment, "stop", str(path))
     assert stopped.returncode == 0, stopped.stderr
     assert stopped.stdout == f"stopped {path} (process {process.pid})\n"

@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     add_file(parser, f"{SYSTEM}; needed only if several systems run")
     add_config(parser, "the same as FILE")
-    add_timeout(parser, "how long to wait for the end (default 15)", 15.0)
+    add_timeout(parser, "how long to wait for the end (default 90)", 90.0)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     if not ended:
         sys.stderr.write(
             f"joshua stop: process {process_id} still runs {args.timeout:g} s after the request to stop. "
-            f"Run `joshua status` to see why, then: kill {process_id}\n"
+            f"Run `joshua status` to see why; `kill {process_id}` ends it and loses what it still writes\n"
         )
         return ExitCode.FAILED
     sys.stdout.write(f"stopped {system.info.source} (process {process_id})\n")
