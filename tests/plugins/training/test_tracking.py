@@ -135,13 +135,26 @@ def test_a_continued_run_continues_its_record(tmp_path: Path) -> None:
 
 def test_a_row_that_is_computed_again_is_not_sent_again(tmp_path: Path) -> None:
     service = Recorder()
-    service.sent = 2
+    service.sent, service.sent_names = 2, frozenset({"loss/train"})
     trackers = Trackers([service], LOG)
     trackers.start(folder_in(tmp_path))
     for step in (1, 2, 3, 4, 3, 4, 5):
         trackers.add({"loss/train": 1.0}, step)
     trackers.close(True)
     assert [steps for steps, _ in service.rows] == [3, 4, 5]
+
+
+def test_further_figures_of_the_newest_row_are_sent(tmp_path: Path) -> None:
+    """A run that was stopped during a round on the robot owes it when it continues."""
+    service = Recorder()
+    service.sent, service.sent_names = 2, frozenset({"loss/train"})
+    trackers = Trackers([service], LOG)
+    trackers.start(folder_in(tmp_path))
+    trackers.add({"loss/train": 1.0, "robot/success_rate": 0.5}, 2)
+    trackers.add({"robot/success_rate": 0.5}, 2)
+    trackers.add({"loss/train": 0.5}, 3)
+    trackers.close(True)
+    assert service.rows == [(2, {"robot/success_rate": 0.5}), (3, {"loss/train": 0.5})]
 
 
 def test_facts_are_flat_texts(tmp_path: Path) -> None:

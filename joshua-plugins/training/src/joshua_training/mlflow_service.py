@@ -57,6 +57,7 @@ class MlflowService(Service):
                 client.update_run(identity, status="RUNNING")
                 newest = client.get_run(identity).data.to_proto().metrics
                 self.sent = max((metric.step for metric in newest), default=-1)
+                self.sent_names = frozenset(item.key for item in newest if item.step == self.sent)
                 self._run = identity
                 return identity
             known = client.get_experiment_by_name(self._experiment)

@@ -38,12 +38,13 @@ class Service(ABC):
 
     Attributes:
         sent: steps of the newest row there, known after ``start``; -1 if there is none, or if the service
-            ignores repeated rows by itself.
+            ignores repeated rows by itself. sent_names: what this row has.
     """
 
     NAME: ClassVar[str]
 
     sent = -1
+    sent_names: frozenset[str] = frozenset()
 
     @abstractmethod
     def start(self, folder: RunFolder, identity: str) -> str:
@@ -131,7 +132,7 @@ class _Outbox:
     def __init__(self, service: Service, log: Log) -> None:
         self._service, self._log = service, log
         self._rows: deque[tuple[int, Row]] = deque()
-        self._newest = service.sent
+        self._newest, self._names = service.sent, set(service.sent_names)
         self._news = threading.Condition()
         self._ending: bool | None = None
         self._lost = 0
@@ -140,8 +141,11 @@ class _Outbox:
         self._thread.start()
 
     def add(self, steps: int, row: Row) -> None:
-        if steps <= self._newest:
+        if steps == self._newest:  # such as the round on the robot that a continued run still owes
+            row = {name: value for name, value in row.items() if name not in self._names}
+        if steps < self._newest or not row:
             return
+        self._names = {*row, *(self._names if steps == self._newest else ())}
         self._newest = steps
         with self._news:
             if len(self._rows) >= KEPT_ROWS:
