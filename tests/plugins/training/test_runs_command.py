@@ -302,6 +302,8 @@ def test_what_cannot_be_removed_is_named(
     code, _, err = command(capsys, "prune", str(tmp_path), "--older-than", "1", "--yes")
     assert code == 1
     assert f"{run.path} cannot be removed: Permission denied" in err
+    with pytest.raises(RunError, match="gone cannot be removed: No such file or directory"):
+        remove(Removal(RunFolder(tmp_path / "gone"), tmp_path / "gone", "another command removed it", 0))
 
 
 @pytest.mark.parametrize(

@@ -241,8 +241,8 @@ def remove(removal: Removal) -> None:
     Raises:
         RunError: it cannot be removed, or another process uses the run.
     """
-    removal.run.lock(0.0)
     try:
+        removal.run.lock(0.0)
         discard(removal.path)
     except OSError as error:
         raise RunError(f"{removal.path} cannot be removed: {error.strerror}") from error
@@ -256,6 +256,8 @@ def _is_used(run: RunFolder) -> bool:
         run.lock(0.0)
     except RunError:
         return True
+    except OSError:  # removing it says why
+        return False
     run.unlock()
     return False
 
