@@ -200,14 +200,13 @@ def test_a_stream_is_transferred_once_for_all_epochs_and_processes(
             return Album(Recording(dataset, stream=stream), None, 0, shared)
 
         album = streamed()
-        with ThreadPoolExecutor(4) as threads:
-            found = list(threads.map(lambda batch: album.get(TOP, batch), frames.reshape(-1, 4)))
-        assert (np.concatenate(found) == local.get(TOP, frames)).all()
-        assert sum(moved) <= 1.1 * size
-        moved.clear()
         other = streamed(album.shared)  # as another process of the training does
-        assert (other.get(TOP, frames) == local.get(TOP, frames)).all()
-        assert moved == []
+        with ThreadPoolExecutor(4) as threads:
+            batches = [(source, batch) for batch in frames.reshape(-1, 4) for source in (album, other)]
+            found = list(threads.map(lambda pair: pair[0].get(TOP, pair[1]), batches))
+        for one in (found[::2], found[1::2]):
+            assert (np.concatenate(one) == local.get(TOP, frames)).all()
+        assert sum(moved) <= 1.1 * size
         other.close()
         assert album.shared is not None
         assert any(album.shared.iterdir())

@@ -6,11 +6,12 @@ that each block is wanted again in every epoch. The disk has to hold all videos 
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import hashlib
 import io
 import shutil
 import tempfile
-import threading
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -25,6 +26,9 @@ from joshua_training.run_folder import RunError, unwritable
 from joshua_imitation.scratch import Scratch
 
 MB = 1 << 20
+
+#: What to do where the disk takes no block.
+ELSEWHERE = ", or set TMPDIR to another disk, and continue with resume_run"
 
 #: Free space that the videos leave on the disk, bytes.
 SPARE = 64 * MB
@@ -45,8 +49,6 @@ class Stream:
     """
 
     def __init__(self, address: str, videos: Path | None = None) -> None:
-        self._lock = threading.Lock()
-        self._fetching: dict[Path, threading.Lock] = {}
         self.address = address
         self._scratch = Scratch("joshua-stream")
         self.folder = self._scratch.path / "data"  # a copy begins in an empty folder
@@ -92,9 +94,7 @@ class Stream:
         name = hashlib.sha256(f"{there.name}\n{there.state}\n{number}".encode()).hexdigest()
         path = self.videos / name
         if not path.exists():
-            with self._lock:
-                fetching = self._fetching.setdefault(path, threading.Lock())
-            with fetching:  # another thread that wants the block waits for it
+            with _alone(path):  # another thread or process that wants the block waits for it
                 if not path.exists():
                     self._keep(self._fetched(there, number * CHUNK), path)
         with path.open("rb", buffering=0) as block:
@@ -119,12 +119,24 @@ class Stream:
                 draft.write(block)
             Path(draft.name).replace(path)  # other processes find it when it is complete
         except OSError as error:
-            then = ", or set TMPDIR to another disk, and continue with resume_run"
-            raise unwritable(self.videos, error, then) from error
+            raise unwritable(self.videos, error, ELSEWHERE) from error
 
     def close(self) -> None:
         """Remove the copied numbers, and the blocks of videos that are its own."""
         self._scratch.close()
+
+
+@contextlib.contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Keep all others from fetching a block, in this process or another. Raises RunError."""
+    lock = path.with_name(f".{path.name}.lock")
+    try:
+        file = lock.open("wb")
+    except OSError as error:
+        raise unwritable(lock, error, ELSEWHERE) from error
+    with file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 class _Video(io.BufferedIOBase):
