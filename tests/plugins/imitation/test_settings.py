@@ -146,6 +146,20 @@ def test_a_size_that_distorts_pictures_is_refused_with_the_nearest_that_fit(tmp_
     assert errors(tmp_path, 'cameras: ["top"] image_width: 32 image_height: 24') == []
 
 
+@pytest.mark.parametrize(
+    ("shape", "size", "allowed"),
+    [((1080, 1920), (2048, 2048), ("2048 × 1152",)), ((10, 2000), (64, 64), ())],
+)
+def test_only_sizes_that_are_allowed_are_recommended(
+    tmp_path: Path, shape: tuple[int, int], size: tuple[int, int], allowed: tuple[str, ...]
+) -> None:
+    top = {"dtype": "video", "shape": [3, *shape], "names": ["channels", "height", "width"]}
+    described(tmp_path, features=FEATURES | {"observation.images.top": top})
+    (error,) = errors(tmp_path, f"image_width: {size[0]} image_height: {size[1]}")
+    assert error.allowed == allowed
+    assert "image_width" in error.remedy
+
+
 def test_a_training_on_the_robot_requires_a_model_and_an_arm(tmp_path: Path) -> None:
     found = errors(tmp_path, environment="ENV_REAL")
     assert [item.code for item in found] == ["mode-lacks-model", "mode-lacks-actuator"]

@@ -29,8 +29,8 @@ def distortion(recorded: Mapping[str, tuple[int, int]], size: tuple[int, int]) -
         return None
     name, (own_height, own_width) = next(iter(distorted.items()))
     ratio = own_width / own_height
-    fitting = sorted({_near_height(height, ratio), _near_width(width, ratio)})
-    if any(_differs(*fitting[0], other[1] / other[0]) for other in recorded.values()):
+    fitting = sorted({*_near_heights(height, ratio), *_near_widths(width, ratio)})
+    if not fitting or any(_differs(*fitting[0], other[1] / other[0]) for other in recorded.values()):
         remedy = "remove image_width and image_height, or name cameras of the same proportions in cameras"
         fitting = []
     else:
@@ -49,14 +49,13 @@ def _differs(width: int, height: int, ratio: float) -> bool:
     return abs(width / height / ratio - 1) > TOLERANCE
 
 
-def _near_width(wanted: int, ratio: float) -> tuple[int, int]:
-    """Return the size, width first, whose width is nearest to a wanted one."""
+def _near_widths(wanted: int, ratio: float) -> list[tuple[int, int]]:
+    """Return the size, width first, whose width is nearest to a wanted one; empty if none is allowed."""
     near = sorted(range(_LEAST, _MOST + 1), key=lambda width: abs(width - wanted))
     sizes = ((width, round(width / ratio)) for width in near)
-    return next(size for size in sizes if size[1] >= _LEAST and not _differs(*size, ratio))
+    return [size for size in sizes if _LEAST <= size[1] <= _MOST and not _differs(*size, ratio)][:1]
 
 
-def _near_height(wanted: int, ratio: float) -> tuple[int, int]:
-    """Return the size, width first, whose height is nearest to a wanted one."""
-    height, width = _near_width(wanted, 1 / ratio)
-    return width, height
+def _near_heights(wanted: int, ratio: float) -> list[tuple[int, int]]:
+    """Return the size, width first, whose height is nearest to a wanted one; empty if none is allowed."""
+    return [(width, height) for height, width in _near_widths(wanted, 1 / ratio)]
