@@ -71,6 +71,7 @@ def write_reaching_policy(folder: Path, episodes: int = 25) -> Path:
     from joshua_mujoco_sim.envs.experts import EXPERTS
 
     environment: Any = make_environment(REACH, action_mode="absolute", disable_env_checker=True).unwrapped
+    played: Any = make_environment(REACH, disable_env_checker=True).unwrapped
     expert = EXPERTS[REACH](environment, noise_rad=0.02, seed=0)
     seen, done = [], []
     for seed in range(episodes):
@@ -79,12 +80,13 @@ def write_reaching_policy(folder: Path, episodes: int = 25) -> Path:
         for _ in range(60):
             before = environment.state.ctrl[0].copy()
             action = expert.act()
-            seen.append(observation)
+            seen.append(environment.physical(observation))
             done.append(np.clip((np.asarray(action) - before) / 0.1, -1, 1))
             observation, _, terminated, _, _ = environment.step(action)
             if terminated:
                 break
-    inputs, outputs = np.array(seen), np.array(done)
+    offset, scale = played.observation_scaling  # those of the mode in which the policy acts
+    inputs, outputs = (np.array(seen) - offset) / scale, np.array(done)
     generator = np.random.default_rng(0)
     hidden = generator.normal(0, 0.5, (256, inputs.shape[1]))
     # the action before is what the two modes of actions disagree about
