@@ -30,7 +30,7 @@ from joshua_training.run_folder import RunFolder
 from tiny_recordings import write_recording
 
 #: Longest step with the same network, as a multiple of LeRobot's: no slower, and a tenth for noise.
-TARGET = 1.1
+TARGET = 1.05
 
 BATCH, CHUNK, WIDTH, HEIGHT = 8, 20, 128, 96
 SHAPE = {"dim_model": 128, "dim_feedforward": 512, "n_encoder_layers": 2}
