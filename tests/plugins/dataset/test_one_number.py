@@ -78,8 +78,8 @@ def schemas(folder: Path) -> list[pa.Schema]:
     return [pq.read_schema(path) for path in sorted(folder.glob("data/*/*.parquet"))]
 
 
-def require_episodes(folder: Path, *lengths: int) -> None:
-    """Require the values of some episodes, and a data set without a problem."""
+def require_episodes(folder: Path, *lengths: int, lists: bool = False) -> None:
+    """Require the values of some episodes, and no problem but lists of length 1."""
     there = Dataset.read(folder)
     episodes = list(there.episode_list())
     assert [episode.length for episode in episodes] == list(lengths)
@@ -88,7 +88,11 @@ def require_episodes(folder: Path, *lengths: int) -> None:
         for key in FEATURES:
             expected = [np.array(values(number)[key]).tolist() for number in range(episode.length)]
             assert columns[key].tolist() == expected
-    assert [str(problem) for problem in check(folder, workers=1)] == []
+    warning = (
+        "warning: features of one number are stored as lists of length 1, which LeRobot does not load: "
+        f"`joshua dataset convert {folder} TARGET` writes numbers"
+    )
+    assert [str(problem) for problem in check(folder, workers=1)] == [warning] * lists
     stored = there.statistics()
     for key, found in recomputed(folder, workers=1).items():
         assert stored[key]["mean"] == pytest.approx(found["mean"])
@@ -111,18 +115,18 @@ def test_features_of_one_number_are_columns_of_numbers(tmp_path: Path) -> None:
 
 def test_lists_are_appended_to_as_lists(tmp_path: Path) -> None:
     folder = with_lists(write(tmp_path / "set", 4))
-    require_episodes(folder, 4)
+    require_episodes(folder, 4, lists=True)
     with contextlib.closing(opened(folder, resume=True)) as writer:
         add_episode(writer, 3)
         for number in range(2 * FPS):
             writer.add_frame(Frame(1_000_000_000 + number * 100_000_000, values(number)))
         shutil.copytree(folder, tmp_path / "killed")
         writer.drop_episode()
-    require_episodes(folder, 4, 3)
+    require_episodes(folder, 4, 3, lists=True)
     repair(tmp_path / "killed")
     left = Dataset.read(tmp_path / "killed").frames - 7
     assert left > 0
-    require_episodes(tmp_path / "killed", 4, 3, left)
+    require_episodes(tmp_path / "killed", 4, 3, left, lists=True)
     for name in ("set", "killed"):
         first, *others = schemas(tmp_path / name)
         assert pa.types.is_fixed_size_list(first.field("action").type)

@@ -109,6 +109,13 @@ def check(folder: Path, *, pictures: bool = True, workers: Executor | int | None
         )
     if frames != dataset.frames:
         yield Problem(-1, f"meta/info.json counts {dataset.frames} frames, and the episodes have {frames}")
+    if dataset.has_lists_of_one():
+        yield Problem(
+            -1,
+            "features of one number are stored as lists of length 1, which LeRobot does not load: "
+            f"`joshua dataset convert {folder} TARGET` writes numbers",
+            serious=False,
+        )
     if dataset.pictures != MESSAGES:
         yield from _statistics(dataset, ends)
 
