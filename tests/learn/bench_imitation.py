@@ -29,7 +29,7 @@ from joshua_imitation.settings import ImitationSettings
 from joshua_training.run_folder import RunFolder
 from tiny_recordings import write_recording
 
-#: Longest step with the same network, as a multiple of LeRobot's: no slower, and a tenth for noise.
+#: Longest step with the same network, as a multiple of that of LeRobot's training script.
 TARGET = 1.05
 
 BATCH, CHUNK, WIDTH, HEIGHT = 8, 20, 128, 96

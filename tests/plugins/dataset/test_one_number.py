@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -154,3 +156,32 @@ def test_other_formats_have_the_same_columns(tmp_path: Path, kind: str) -> None:
     build([Source(tmp_path / kind)], tmp_path / "back", workers=1)
     require_episodes(tmp_path / "back", 4, 3)
     require_numbers(tmp_path / "back")
+
+
+def test_check_reports_a_torn_table_instead_of_stopping_at_it(tmp_path: Path) -> None:
+    folder = write(tmp_path / "set", 4)
+    table = next(folder.glob("data/*/*.parquet"))
+    table.write_bytes(table.read_bytes()[:100])
+    problems = list(check(folder, workers=1))
+    assert any(problem.episode == 0 and str(table) in problem.text for problem in problems)
+
+
+def test_check_reads_messages_of_one_number(tmp_path: Path) -> None:
+    assert list(check(write(tmp_path / "set", 4, table_format="mcap"), workers=1)) == []
+
+
+def test_the_command_warns_of_lists_and_its_remedy_works(tmp_path: Path) -> None:
+    folder, target = with_lists(write(tmp_path / "set", 4)), tmp_path / "numbers"
+    joshua = [sys.executable, "-m", "joshua", "dataset"]
+    found = subprocess.run([*joshua, "check", str(folder)], capture_output=True, text=True, timeout=120)
+    assert found.returncode == 0, found.stderr
+    assert (
+        f"which LeRobot does not load: `joshua dataset convert {folder} TARGET` writes numbers"
+        in found.stdout
+    )
+    done = subprocess.run(
+        [*joshua, "convert", str(folder), str(target)], capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    require_numbers(target)
+    require_episodes(target, 4)

@@ -109,15 +109,25 @@ def check(folder: Path, *, pictures: bool = True, workers: Executor | int | None
         )
     if frames != dataset.frames:
         yield Problem(-1, f"meta/info.json counts {dataset.frames} frames, and the episodes have {frames}")
-    if dataset.has_lists_of_one():
+    if dataset.pictures != MESSAGES:
+        yield from _lists(dataset)
+        yield from _statistics(dataset, ends)
+
+
+def _lists(dataset: Dataset) -> Iterator[Problem]:
+    if dataset.format != "lerobot":
+        return
+    try:
+        has_lists = dataset.has_lists_of_one()
+    except DatasetError:
+        return  # its episode has reported that its table cannot be read
+    if has_lists:
         yield Problem(
             -1,
             "features of one number are stored as lists of length 1, which LeRobot does not load: "
-            f"`joshua dataset convert {folder} TARGET` writes numbers",
+            f"`joshua dataset convert {dataset.folder} TARGET` writes numbers",
             serious=False,
         )
-    if dataset.pictures != MESSAGES:
-        yield from _statistics(dataset, ends)
 
 
 def _statistics(dataset: Dataset, ends: Mapping[str, Extent]) -> Iterator[Problem]:
