@@ -26,6 +26,7 @@ nox.options.sessions = ["lint", "types", "proto", "docs", "tests"]
 ROOT = Path(__file__).parent
 CONSTRAINTS = ROOT / "constraints.txt"
 PYPROJECT = nox.project.load_toml("pyproject.toml")
+TORCH = ("torch==2.14.1", "torchvision==0.29.1", "torchcodec==0.17.0")
 IN_CI = os.environ.get("CI", "").lower() in ("1", "true")
 
 CORE = "joshua-core"
@@ -170,7 +171,8 @@ def learn(session: nox.Session) -> None:
     ``-- bench`` prints how fast data sets, policies and loops are, ours and LeRobot's in the same run.
     ``-- soak`` kills trainings at random moments and compares what they become when they are continued.
     """
-    session.install("torch==2.13.0")
+    # What is compiled against torch is chosen in one call of pip.
+    session.install(*TORCH)
     session.install("--no-deps", "-r", "constraints-learn.txt")
     names = (
         "dataset",

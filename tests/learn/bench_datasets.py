@@ -19,7 +19,7 @@ from joshua_dataset.checking import check
 from joshua_dataset.reader import Dataset
 from joshua_dataset.transform import recomputed
 from joshua_dataset.writer import LeRobotWriter
-from lerobot_here import lerobot_dataset
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
 JOINTS = tuple(f"joint_{number}.pos" for number in range(6))
 NUMBERS = ("observation.state", "action")
@@ -57,7 +57,7 @@ def theirs(folder: Path, pictures: list[Any], codec: str = "") -> None:
     kind, names = "video" if codec else "image", ["height", "width", "channels"]
     described |= {key: {"dtype": kind, "shape": (HEIGHT, WIDTH, 3), "names": names} for key in CAMERAS}
     chosen = {"vcodec": codec} if codec else {}
-    made = lerobot_dataset().create("me/set", FPS, described, root=folder, use_videos=bool(codec), **chosen)
+    made = LeRobotDataset.create("me/set", FPS, described, root=folder, use_videos=bool(codec), **chosen)
     for number, picture in enumerate(pictures):
         values: dict[str, Any] = dict.fromkeys(NUMBERS, np.full(6, number, np.float32))
         made.add_frame(values | dict.fromkeys(CAMERAS, picture) | {"task": "stack"})
@@ -121,7 +121,7 @@ def main() -> None:
 def compare_statistics(folder: Path) -> None:
     from lerobot.datasets.v30.augment_dataset_quantile_stats import compute_quantile_stats_for_dataset
 
-    loaded = lerobot_dataset()("me/set", root=folder)
+    loaded = LeRobotDataset("me/set", root=folder)
     lerobot = rate(lambda: compute_quantile_stats_for_dataset(loaded), FRAMES)
     for label, work in (
         ("joshua dataset stats", lambda: recomputed(folder, workers=1)),
@@ -132,7 +132,7 @@ def compare_statistics(folder: Path) -> None:
 
 
 def read_rate(folder: Path, order: Iterable[int]) -> float:
-    loaded = lerobot_dataset()("me/set", root=folder)
+    loaded = LeRobotDataset("me/set", root=folder)
     indices = list(order)
 
     def read() -> None:
@@ -144,7 +144,7 @@ def read_rate(folder: Path, order: Iterable[int]) -> float:
 
 def alternate_reads(one: Path, other: Path, order: Iterable[int]) -> tuple[float, float]:
     """Rates of LeRobot's reads of two data sets, each frame of one beside the same frame of the other."""
-    sets = [lerobot_dataset()("me/set", root=folder) for folder in (one, other)]
+    sets = [LeRobotDataset("me/set", root=folder) for folder in (one, other)]
     spent_s, indices = [0.0, 0.0], list(order)
     for count, number in enumerate(indices):
         for side in (0, 1) if count % 2 else (1, 0):

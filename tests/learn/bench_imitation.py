@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-import lerobot_here
 import torch
 from joshua_imitation.build import build
 from joshua_imitation.settings import ImitationSettings
@@ -79,7 +78,6 @@ def theirs(recording: Path, output: Path, steps: int) -> list[float]:
     from lerobot.policies.act.configuration_act import ACTConfig
     from lerobot.scripts import lerobot_train
 
-    lerobot_here.lerobot_dataset()
     logging.disable(logging.WARNING)
     policy = ACTConfig(
         chunk_size=CHUNK,

@@ -163,8 +163,7 @@ def ours(arm: EmulatedBus, checkpoint: Path, folder: Path, seconds: int) -> Figu
     )
     site, times = folder / "site", folder / "times"
     site.mkdir()
-    startup = (HERE / "startup/sitecustomize.py").read_text()
-    (site / "sitecustomize.py").write_text(f"{startup}\nimport _loop_times\n")
+    (site / "sitecustomize.py").write_text("import _loop_times\n")
     stamps_ns: list[int] = []
 
     def note(sample: Any) -> None:
@@ -301,14 +300,14 @@ def share(moments_s: list[float], rate_hz: float) -> float:
 def lerobot(words: tuple[str, ...], folder: Path, name: str) -> subprocess.Popen[bytes]:
     """Starts a loop of LeRobot; what it says goes into files, its logs into the folder."""
     command = [sys.executable, str(HERE / "_lerobot_loops.py"), *words]
-    variables = {**os.environ, **environment(HERE / "startup")}
+    variables = {**os.environ, **environment()}
     with (folder / f"{name}.out").open("wb") as output, (folder / f"{name}.err").open("wb") as errors:
         return subprocess.Popen(command, stdout=output, stderr=errors, cwd=folder, env=variables)
 
 
-def environment(startup: Path) -> dict[str, str]:
-    """Variables in which LeRobot can be imported, and computes on one thread."""
-    path = os.pathsep.join([str(startup), str(HERE), os.environ.get("PYTHONPATH", "")])
+def environment(*folders: Path) -> dict[str, str]:
+    """Variables in which LeRobot computes on one thread, and Python imports from ``folders`` first."""
+    path = os.pathsep.join([*map(str, folders), str(HERE), os.environ.get("PYTHONPATH", "")])
     return {"PYTHONPATH": path, "HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS": "1"}
 
 

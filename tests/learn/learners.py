@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import lerobot_here  # noqa: F401 (lets LeRobot be imported)
 import pytest
 import torch
 from joshua_imitation.build import build

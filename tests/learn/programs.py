@@ -1,16 +1,13 @@
-"""Runs of the command ``joshua`` that import LeRobot beside a torch without CUDA."""
+"""Runs of the command ``joshua`` in a folder and a domain of their own."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 from joshua.testing.domain import reserved_domain
 from joshua.testing.program import JoshuaProgram
-
-STARTUP = Path(__file__).parent / "startup"
 
 
 class Program(JoshuaProgram):
@@ -36,10 +33,8 @@ class Program(JoshuaProgram):
 @contextmanager
 def program(folder: Path, environment: Mapping[str, str] | None = None) -> Iterator[Program]:
     """Makes the command usable, and ends what it started."""
-    known = os.environ.get("PYTHONPATH", "")
-    path = {"PYTHONPATH": f"{STARTUP}{os.pathsep}{known}"}
     with reserved_domain() as domain:
-        made = Program(folder, domain, {**path, **(environment or {})})
+        made = Program(folder, domain, environment)
         try:
             yield made
         finally:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import lerobot_here  # noqa: F401 (lets LeRobot be imported)
 import numpy as np
 import pytest
 import torch

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import lerobot_here  # noqa: F401 - before the first import of torchvision
 import pytest
 from joshua_imitation.settings import ImitationSettings
 from joshua_imitation.spread import SpreadLearner, learn

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import lerobot_here
 import numpy as np
 import pytest
 import remotes
@@ -30,6 +29,7 @@ from joshua_training.run_folder import RunError, RunFolder
 from learners import DIFFUSION, differ, rows, settings, weights
 from learners import learner as learner
 from learners import recording as recording
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
 from safetensors.torch import load_file
 from serving import serving
 from tiny_recordings import FPS, JOINTS
@@ -67,7 +67,7 @@ def test_batches_are_those_of_lerobots_data_sets(recording: Path, windows: Windo
     if windows.seen:
         for key in ("observation.state", "observation.images.top", "observation.images.wrist"):
             around[key] = [step / FPS for step in windows.seen]
-    theirs = lerobot_here.lerobot_dataset()("me/set", root=recording, delta_timestamps=around)
+    theirs = LeRobotDataset("me/set", root=recording, delta_timestamps=around)
     read = Recording(Dataset.read(recording))
     album = Album(read, None, room_mb)
     assert album.decoded == bool(room_mb)
@@ -229,7 +229,7 @@ def test_checkpoints_are_lerobots(
     policy = get_policy_class(policy_type).from_pretrained(folder)
     assert not differ(policy.state_dict(), weights(made))
     before, after = make_pre_post_processors(policy.config, str(folder))
-    item = lerobot_here.lerobot_dataset()("me/set", root=recording)[3]
+    item = LeRobotDataset("me/set", root=recording)[3]
     seen = {key: value for key, value in item.items() if key.startswith("observation.")}
     action = after(policy.select_action(before({**seen, "task": "wave"})))
     assert action.shape == (1, len(JOINTS))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
-import lerobot_here  # noqa: F401 (lets LeRobot be imported)
 import numpy as np
 from joshua_dataset.reader import Dataset
 from joshua_imitation.build import build

@@ -18,7 +18,6 @@ from judged_robot import begin, play, run_judged, write_judged
 from tiny_recordings import write_recording
 from watched import Watched
 
-STARTUP = Path(__file__).parent / "startup"
 STORE = """data_store {
     format: FORMAT_HUGGINGFACE storage: STORAGE_LOCAL dataset_name: "demos" local_path: "recording"
   }"""
@@ -40,7 +39,7 @@ class Training:
 
     def __init__(self, folder: Path, domain: int, ends: ExitStack) -> None:
         self.folder, self._ends = folder, ends
-        self.joshua = JoshuaProgram(folder, domain, {"PYTHONPATH": str(STARTUP)})
+        self.joshua = JoshuaProgram(folder, domain)
         self.run: Watched
 
     def start(self, more: str = "", *, width: int = 64, on: str = "--emulate") -> None:

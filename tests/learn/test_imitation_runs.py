@@ -16,7 +16,7 @@ import pytest
 from hub_server import TOKEN, HubServer, Repository
 from joshua.testing.domain import reserved_domain
 from joshua.testing.port import free_port
-from programs import STARTUP, program
+from programs import program
 from safetensors.numpy import load_file
 from serving import serving
 from tiny_recordings import write_recording
@@ -59,7 +59,6 @@ def start(
             start_new_session=True,
             env={
                 **os.environ,
-                "PYTHONPATH": f"{STARTUP}{os.pathsep}{os.environ.get('PYTHONPATH', '')}",
                 "ROS_DOMAIN_ID": str(domain),
             },
         )

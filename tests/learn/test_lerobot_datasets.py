@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
 pytest.importorskip("lerobot", reason="needs the environment of the session learn")
 
@@ -21,7 +22,6 @@ from joshua_dataset.checking import check
 from joshua_dataset.commands.dataset import description
 from joshua_dataset.reader import Dataset
 from joshua_dataset.writer import LeRobotWriter
-from lerobot_here import lerobot_dataset
 from serving import serving
 
 JOINTS = ("shoulder_pan.pos", "gripper.pos")
@@ -60,7 +60,7 @@ def ours(folder: Path) -> Dataset:
 
 def test_lerobot_loads_ours_with_every_value_equal(tmp_path: Path) -> None:
     there = ours(tmp_path / "set")
-    loaded = lerobot_dataset()("me/set", root=tmp_path / "set")
+    loaded = LeRobotDataset("me/set", root=tmp_path / "set")
     assert (len(loaded), loaded.num_episodes, loaded.fps) == (sum(LENGTHS), 3, FPS)
     index = 0
     for episode in there.episode_list():
@@ -119,7 +119,7 @@ def single(number: int) -> dict[str, Any]:
 
 def test_features_of_one_number_are_as_lerobot_writes_them(tmp_path: Path) -> None:
     described = {key: item | {"shape": (1,)} for key, item in SINGLE.as_lerobot().items()}
-    theirs = lerobot_dataset().create("me/theirs", FPS, described, root=tmp_path / "theirs", use_videos=False)
+    theirs = LeRobotDataset.create("me/theirs", FPS, described, root=tmp_path / "theirs", use_videos=False)
     with contextlib.closing(LeRobotWriter(DatasetLayout(tmp_path / "ours", "", FPS, SINGLE))) as writer:
         writer.open()
         for length in LENGTHS:
@@ -130,7 +130,7 @@ def test_features_of_one_number_are_as_lerobot_writes_them(tmp_path: Path) -> No
             theirs.save_episode()
         theirs.finalize()
     names = ("theirs", "ours")
-    one, two = (lerobot_dataset()("me/set", root=tmp_path / name) for name in names)
+    one, two = (LeRobotDataset("me/set", root=tmp_path / name) for name in names)
     assert len(one) == len(two) == sum(LENGTHS)
     for key in SINGLE:
         for index in (0, 35, 61):
@@ -164,7 +164,7 @@ def test_lerobot_loads_a_demonstration(tmp_path: Path) -> None:
     from joshua.cli.main import main
 
     assert main(["demonstrate", "SoArm100Reach-v0", str(tmp_path / "reach"), "--episodes", "1"]) == 0
-    loaded = lerobot_dataset()("me/reach", root=tmp_path / "reach")
+    loaded = LeRobotDataset("me/reach", root=tmp_path / "reach")
     columns = (there := Dataset.read(tmp_path / "reach")).columns(next(there.episode_list()))
     assert len(loaded) == len(columns["action"])
     last = loaded[len(loaded) - 1]
@@ -179,7 +179,7 @@ def test_our_tools_read_lerobots(tmp_path: Path) -> None:
         "action": {"dtype": "float32", "shape": (2,), "names": list(JOINTS)},
         TOP: {"dtype": "video", "shape": (64, 96, 3), "names": ["height", "width", "channels"]},
     }
-    made = lerobot_dataset().create(
+    made = LeRobotDataset.create(
         "me/theirs", FPS, described, root=tmp_path / "theirs", robot_type="so101_follower"
     )
     for length in LENGTHS:
@@ -212,7 +212,7 @@ def test_lerobots_tools_split_and_merge_ours(tmp_path: Path) -> None:
     from lerobot.datasets.dataset_tools import delete_episodes, merge_datasets, split_dataset
 
     ours(tmp_path / "set")
-    loaded = lerobot_dataset()("me/set", root=tmp_path / "set")
+    loaded = LeRobotDataset("me/set", root=tmp_path / "set")
     parts = split_dataset(loaded, {"some": [0, 1], "rest": [2]}, tmp_path / "parts")
     assert [len(parts[name]) for name in ("some", "rest")] == [42, 20]
     whole = merge_datasets(list(parts.values()), "me/whole", tmp_path / "whole")
@@ -234,7 +234,7 @@ def test_act_trains_a_step_on_ours(tmp_path: Path) -> None:
     torch.set_num_threads(1)
     ours(tmp_path / "set")
     deltas = {"action": [i / FPS for i in range(8)]}
-    loaded = lerobot_dataset()("me/set", root=tmp_path / "set", delta_timestamps=deltas)
+    loaded = LeRobotDataset("me/set", root=tmp_path / "set", delta_timestamps=deltas)
     features = dataset_to_policy_features(loaded.meta.features)
     config = ACTConfig(
         input_features={k: f for k, f in features.items() if f.type is not FeatureType.ACTION},
@@ -266,9 +266,10 @@ def test_act_trains_a_step_on_ours(tmp_path: Path) -> None:
 
 FETCH = """
 import json, sys
-from lerobot_here import lerobot_dataset
 
-loaded = lerobot_dataset()("me/set")
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+loaded = LeRobotDataset("me/set")
 item = loaded[31]
 print(json.dumps([len(loaded), loaded.num_episodes, str(loaded.root), item["task"], item["action"].tolist()]))
 """

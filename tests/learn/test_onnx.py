@@ -131,7 +131,7 @@ def test_what_cannot_be_exported_says_why(act: tuple[Path, Path], tmp_path: Path
 
 
 def test_the_command_exports(act: tuple[Path, Path], tmp_path: Path) -> None:
-    program = "import lerobot_here, joshua.cli.main as m, sys; sys.exit(m.main(sys.argv[1:]))"
+    program = "import joshua.cli.main as m, sys; sys.exit(m.main(sys.argv[1:]))"
     words = ["policy", "export", str(act[0]), str(tmp_path / "onnx")]
     done = subprocess.run(
         [sys.executable, "-c", program, *words],

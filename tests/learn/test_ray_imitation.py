@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from threading import Event, Thread
 
-import lerobot_here  # noqa: F401 - before the first import of torchvision
 import numpy as np
 import psutil
 import pytest
@@ -27,18 +25,13 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from tiny_recordings import write_recording
 from trainings import write_imitation
 
-STARTUP = Path(__file__).parent / "startup"
-
 
 @pytest.fixture(scope="module")
 def nodes() -> Iterator[Nodes]:
-    with pytest.MonkeyPatch.context() as patch:
-        # for the processes that nodes and trainings start
-        patch.setenv("PYTHONPATH", f"{STARTUP}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
-        found = started(1)
-        add_worker(found)
-        yield found
-        found.shutdown()
+    found = started(1)
+    add_worker(found)
+    yield found
+    found.shutdown()
 
 
 @pytest.fixture(scope="module")

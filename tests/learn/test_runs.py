@@ -14,7 +14,6 @@ from checkpoints import write_robot
 from hub import hub
 from joshua.testing.domain import reserved_domain
 
-STARTUP = Path(__file__).parent / "startup"
 ARM = """sts3215_config {
       comm { serial { port: "/dev/ttyACM0" baudrate: 1000000 } }
       motor_ids: [1, 2, 3, 4, 5, 6] position_max: 4095 velocity: 1000 acceleration: 200
@@ -35,7 +34,6 @@ def run(robot: Path, **environment: str) -> subprocess.CompletedProcess[str]:
             cwd=robot.parent,
             env={
                 **os.environ,
-                "PYTHONPATH": f"{STARTUP}{os.pathsep}{os.environ.get('PYTHONPATH', '')}",
                 "ROS_DOMAIN_ID": str(domain),
                 "XDG_RUNTIME_DIR": str(robot.parent),
                 "XDG_STATE_HOME": str(robot.parent / "state"),

@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import lerobot_here  # noqa: F401 - before the first import of torchvision
 import numpy as np
 import torch
 from lerobot.configs.types import FeatureType, PolicyFeature

@@ -27,8 +27,18 @@ def pins(file: str = "constraints.txt") -> dict[str, Requirement]:
 
 
 def learning_pins() -> dict[str, Requirement]:
-    """The pins of the session `learn`; torch is installed first, by itself."""
-    return {**pins("constraints-learn.txt"), "torch": Requirement("torch==2.13.0")}
+    """The pins of the session `learn`; what is compiled against torch is installed first."""
+    text = (ROOT / "constraints-learn.txt").read_text(encoding="utf-8")
+    first = re.search(r"pip install (torch==.+) &&", text)
+    assert first is not None
+    compiled = [Requirement(word) for word in first.group(1).split()]
+    return {**pins("constraints-learn.txt"), **{item.name: item for item in compiled}}
+
+
+def test_the_session_learn_installs_the_torch_that_the_file_of_pins_names():
+    noxfile = (ROOT / "noxfile.py").read_text(encoding="utf-8")
+    for name in ("torch", "torchvision", "torchcodec"):
+        assert f'"{learning_pins()[name]}"' in noxfile
 
 
 def requirements(manifest: Path) -> list[Requirement]:
