@@ -1,8 +1,8 @@
 """Check that this interpreter can train and run policies: the last step of ``tools/policies.sh``.
 
 It imports LeRobot, calls a compiled operator of torchvision, computes one action of a small ACT and decodes a
-video with LeRobot's own decoder. Exit code 0: policies run here, although a decoder may be missing, which is a
-warning; 1: they do not.
+video with LeRobot's own decoder. Exit code 1 says that policies do not run here. A missing decoder is only a
+warning.
 """
 
 from __future__ import annotations
