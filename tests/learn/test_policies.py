@@ -306,11 +306,14 @@ def test_a_policy_that_cannot_be_compiled_is_refused(tmp_path: Path) -> None:
     assert "Policies of type vqbet cannot be compiled" in refusal(tmp_path, compile=True)
 
 
-def test_a_checkpoint_without_statistics_warns(copy: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_checkpoint_without_statistics_runs_only_if_the_file_accepts_it(
+    copy: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     for path in copy.glob("policy_p*_processor.safetensors"):
         save_file({}, path)
-    model = model_of(
-        LeRobotModel, LeRobotSettings, changed(copy, temporal_ensemble_coeff=0.01, n_action_steps=1)
-    )
+    folder = changed(copy, temporal_ensemble_coeff=0.01, n_action_steps=1)
+    lacking = ("observation.state", "observation.images.top", "action")
+    assert "normalises observation.state, observation.images.top, action and has no" in refusal(folder)
+    model = model_of(LeRobotModel, LeRobotSettings, folder, allow_unnormalized=lacking)
     assert "has no statistics of observation.state, observation.images.top" in caplog.text
     model.close()

@@ -814,20 +814,22 @@ class RandomNoiseConfig(_message.Message):
     def __init__(self, seed: _Optional[int] = ..., amplitude_rad: _Optional[float] = ...) -> None: ...
 
 class SmolVlaConfig(_message.Message):
-    __slots__ = ("revision", "units", "absent_cameras", "denoising_steps", "picture_size", "compile")
+    __slots__ = ("revision", "units", "absent_cameras", "denoising_steps", "picture_size", "compile", "allow_unnormalized")
     REVISION_FIELD_NUMBER: _ClassVar[int]
     UNITS_FIELD_NUMBER: _ClassVar[int]
     ABSENT_CAMERAS_FIELD_NUMBER: _ClassVar[int]
     DENOISING_STEPS_FIELD_NUMBER: _ClassVar[int]
     PICTURE_SIZE_FIELD_NUMBER: _ClassVar[int]
     COMPILE_FIELD_NUMBER: _ClassVar[int]
+    ALLOW_UNNORMALIZED_FIELD_NUMBER: _ClassVar[int]
     revision: str
     units: JointPositionUnit
     absent_cameras: _containers.RepeatedScalarFieldContainer[str]
     denoising_steps: int
     picture_size: int
     compile: bool
-    def __init__(self, revision: _Optional[str] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., absent_cameras: _Optional[_Iterable[str]] = ..., denoising_steps: _Optional[int] = ..., picture_size: _Optional[int] = ..., compile: _Optional[bool] = ...) -> None: ...
+    allow_unnormalized: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, revision: _Optional[str] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., absent_cameras: _Optional[_Iterable[str]] = ..., denoising_steps: _Optional[int] = ..., picture_size: _Optional[int] = ..., compile: _Optional[bool] = ..., allow_unnormalized: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class DataStore(_message.Message):
     __slots__ = ("format", "storage", "dataset_name", "local_path", "remote_url", "plugin_config", "operation", "task", "episodes", "fps", "tolerance_s", "missing", "video_codec", "units", "pictures", "resume", "episode_duration_s", "reset_duration_s", "warmup_s", "num_episodes", "more_tasks", "auto_start", "speed", "record_button", "keep_button", "discard_button", "spoken_cues", "upload")

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from joshua.tools import describe_pointer
+
 #: Description and weights written by the trainers of reinforcement learning.
 ABOUT, WEIGHTS = "policy.json", "policy.safetensors"
 
@@ -118,6 +120,8 @@ def _policy(folder: Path) -> Checkpoint:
         raise CheckpointError(
             f"{folder} is incomplete: it has no {WEIGHTS}", "Name an older checkpoint of the run"
         )
+    if (pointer := describe_pointer(folder / WEIGHTS)) is not None:
+        raise CheckpointError(*pointer)
     return Checkpoint(str(folder), environment=str(about.get("environment", "")))
 
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from joshua.features import ACTION, STATE, FeatureSet
+from joshua.tools import describe_pointer
 
+from joshua_lerobot.normalisation import Normaliser, norm_of, unnormalised
 from joshua_lerobot.safetensors import TornFileError, entries, table
 
 CONFIG = "config.json"
@@ -27,14 +29,6 @@ PICKLES = (".bin", ".pt", ".pth", ".ckpt", ".pkl", ".pickle")
 
 #: Where LeRobot's training puts a checkpoint below the folder that it writes.
 _BELOW = ("pretrained_model", "checkpoints/last/pretrained_model", "last/pretrained_model")
-
-#: Statistics that each kind of normalisation requires.
-NORMALISED_BY = {
-    "MEAN_STD": ("mean", "std"),
-    "MIN_MAX": ("min", "max"),
-    "QUANTILES": ("q01", "q99"),
-    "QUANTILE10": ("q10", "q90"),
-}
 
 
 class CheckpointError(Exception):
@@ -72,7 +66,9 @@ class Checkpoint:
         folder: of the files; type: of the policy, such as ``act``; config: of config.json.
         inputs, outputs: features of the policy.
         statistics: of each feature by name, such as ``mean``, flattened.
-        norms: how each feature is normalised, such as ``MEAN_STD``; "" if unknown.
+        norms: how each feature is normalised, such as ``MEAN_STD``; "" if it is not.
+        unnormalised: features whose normalisation is declared, but whose statistics are missing, so that
+            LeRobot passes their values on as they are.
         dataset: features of the data set that it was trained on, in its units; None if unknown.
         fps: frames per second of that data set; 0 if unknown.
     """
@@ -84,6 +80,7 @@ class Checkpoint:
     outputs: tuple[PolicyFeature, ...]
     statistics: Mapping[str, Mapping[str, tuple[float, ...]]] = field(default_factory=dict)
     norms: Mapping[str, str] = field(default_factory=dict)
+    unnormalised: tuple[str, ...] = ()
     dataset: FeatureSet | None = None
     fps: float = 0.0
 
@@ -119,9 +116,22 @@ def read_checkpoint(folder: Path, *, weights: str = WEIGHTS) -> Checkpoint:
         _refuse_adapter(folder, config)
         check_weights(folder)
         check_processors(folder)
-    statistics, norms = _statistics(folder)
+    before, after = (_normalisers(folder, name) for name in (PREPROCESSOR, POSTPROCESSOR))
+    norms = {item.key: norm_of(item, before, config) for item in inputs}
+    norms |= {item.key: norm_of(item, after, config) for item in outputs}
     dataset, fps = _dataset(folder)
-    return Checkpoint(folder, str(config["type"]), config, inputs, outputs, statistics, norms, dataset, fps)
+    return Checkpoint(
+        folder=folder,
+        type=str(config["type"]),
+        config=config,
+        inputs=inputs,
+        outputs=outputs,
+        statistics=_merged([*before, *after]),
+        norms=norms,
+        unnormalised=unnormalised(inputs, before, config) + unnormalised(outputs, after, config),
+        dataset=dataset,
+        fps=fps,
+    )
 
 
 def _refuse_adapter(folder: Path, config: Mapping[str, Any]) -> None:
@@ -150,6 +160,8 @@ def check_weights(folder: Path) -> None:
             f"{folder} has no {WEIGHTS}",
             "Save the policy with policy.save_pretrained(FOLDER), and name that folder",
         )
+    if (pointer := describe_pointer(path)) is not None:
+        raise CheckpointError(*pointer)
     try:
         if not entries(path):
             raise TornFileError(f"{path} contains no weights")
@@ -201,6 +213,8 @@ def _check_state(folder: Path, name: str) -> None:
         )
     if not path.is_file():
         raise CheckpointError(f"{path} is missing", "Copy or download the whole checkpoint again")
+    if (pointer := describe_pointer(path)) is not None:
+        raise CheckpointError(*pointer)
     try:
         entries(path)
     except TornFileError as error:
@@ -264,26 +278,36 @@ def _steps(path: Path) -> Iterator[Mapping[str, Any]]:
             yield step
 
 
-def _statistics(folder: Path) -> tuple[dict[str, dict[str, tuple[float, ...]]], dict[str, str]]:
-    """Return the statistics and kinds of normalisation of the processors."""
+def _normalisers(folder: Path, name: str) -> list[Normaliser]:
+    """Return the steps of a processor that normalise, with their statistics. Raises CheckpointError."""
+    found = []
+    for step in _steps(folder / name) if (folder / name).is_file() else ():
+        config = step.get("config")
+        if not isinstance(config, Mapping) or "norm_map" not in config:
+            continue
+        state = str(step.get("state_file") or "")
+        statistics: dict[str, dict[str, tuple[float, ...]]] = {}
+        if state and (folder / state).is_file():
+            try:
+                numbers = table(folder / state)
+            except TornFileError as error:
+                raise CheckpointError(str(error), "Copy or download the checkpoint again") from error
+            for path, values in numbers.items():
+                key, _, statistic = path.rpartition(".")
+                statistics.setdefault(key, {})[statistic] = values
+        normaliser = Normaliser.of(config, statistics)
+        if normaliser is not None:
+            found.append(normaliser)
+    return found
+
+
+def _merged(normalisers: Sequence[Normaliser]) -> dict[str, dict[str, tuple[float, ...]]]:
+    """Return the statistics of several steps; a later step replaces those of an earlier one."""
     found: dict[str, dict[str, tuple[float, ...]]] = {}
-    norms: dict[str, str] = {}
-    for name in (PREPROCESSOR, POSTPROCESSOR):
-        for step in _steps(folder / name) if (folder / name).is_file() else ():
-            config = step.get("config") or {}
-            modes = config.get("norm_map") or {}
-            for key, values in (config.get("features") or {}).items() if modes else ():
-                norms[key] = str(modes.get(values.get("type"), "IDENTITY"))
-            state = str(step.get("state_file") or "")
-            if modes and state and (folder / state).is_file():
-                try:
-                    numbers = table(folder / state)
-                except TornFileError as error:
-                    raise CheckpointError(str(error), "Copy or download the checkpoint again") from error
-                for path, values in numbers.items():
-                    key, _, statistic = path.rpartition(".")
-                    found.setdefault(key, {})[statistic] = values
-    return found, norms
+    for normaliser in normalisers:
+        for key, values in normaliser.statistics.items():
+            found.setdefault(key, {}).update(values)
+    return found
 
 
 def _dataset(folder: Path) -> tuple[FeatureSet | None, float]:

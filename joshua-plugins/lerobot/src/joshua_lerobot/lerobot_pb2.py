@@ -26,7 +26,7 @@ from joshua.schema import config_pb2 as joshua_dot_schema_dot_config__pb2
 from joshua.schema import options_pb2 as joshua_dot_schema_dot_options__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1cjoshua_lerobot/lerobot.proto\x12\x06joshua\x1a\x1ajoshua/schema/config.proto\x1a\x1bjoshua/schema/options.proto\"\xaa\x03\n\rLeRobotPolicy\x12\x1e\n\x08revision\x18\x01 \x01(\tB\x0c\xea\xe1\x18\x08J\x06\"main\"\x12\x39\n\x05units\x18\x02 \x01(\x0e\x32\x19.joshua.JointPositionUnitB\x0f\xea\xe1\x18\x0b*\tUNIT_AUTO\x12)\n\x0e\x61\x62sent_cameras\x18\x03 \x03(\tB\x11\xea\xe1\x18\rJ\x0b[\"camera3\"]\x12\x36\n\x11\x61\x63tions_per_chunk\x18\x04 \x01(\x05\x42\x16\xea\xe1\x18\x12\x11\x00\x00\x00\x00\x00\x00\xf0?\x19\x00\x00\x00\x00\x00@\x8f@H\x00\x88\x01\x01\x12\x34\n\x0f\x64\x65noising_steps\x18\x05 \x01(\x05\x42\x16\xea\xe1\x18\x12\x11\x00\x00\x00\x00\x00\x00\xf0?\x19\x00\x00\x00\x00\x00@\x8f@H\x01\x88\x01\x01\x12\x35\n\x0cpicture_size\x18\x06 \x01(\x05\x42\x1a\xea\xe1\x18\x16\n\x02px\x11\x00\x00\x00\x00\x00\x00P@\x19\x00\x00\x00\x00\x00\x00\xa0@H\x02\x88\x01\x01\x12\x0f\n\x07\x63ompile\x18\x07 \x01(\x08:\"\xf2\xe1\x18\x1e\n\x0ejoshua-lerobot\x12\x0cMODEL_PLUGINB\x14\n\x12_actions_per_chunkB\x12\n\x10_denoising_stepsB\x0f\n\r_picture_sizeb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1cjoshua_lerobot/lerobot.proto\x12\x06joshua\x1a\x1ajoshua/schema/config.proto\x1a\x1bjoshua/schema/options.proto\"\xd8\x03\n\rLeRobotPolicy\x12\x1e\n\x08revision\x18\x01 \x01(\tB\x0c\xea\xe1\x18\x08J\x06\"main\"\x12\x39\n\x05units\x18\x02 \x01(\x0e\x32\x19.joshua.JointPositionUnitB\x0f\xea\xe1\x18\x0b*\tUNIT_AUTO\x12)\n\x0e\x61\x62sent_cameras\x18\x03 \x03(\tB\x11\xea\xe1\x18\rJ\x0b[\"camera3\"]\x12\x36\n\x11\x61\x63tions_per_chunk\x18\x04 \x01(\x05\x42\x16\xea\xe1\x18\x12\x11\x00\x00\x00\x00\x00\x00\xf0?\x19\x00\x00\x00\x00\x00@\x8f@H\x00\x88\x01\x01\x12\x34\n\x0f\x64\x65noising_steps\x18\x05 \x01(\x05\x42\x16\xea\xe1\x18\x12\x11\x00\x00\x00\x00\x00\x00\xf0?\x19\x00\x00\x00\x00\x00@\x8f@H\x01\x88\x01\x01\x12\x35\n\x0cpicture_size\x18\x06 \x01(\x05\x42\x1a\xea\xe1\x18\x16\n\x02px\x11\x00\x00\x00\x00\x00\x00P@\x19\x00\x00\x00\x00\x00\x00\xa0@H\x02\x88\x01\x01\x12\x0f\n\x07\x63ompile\x18\x07 \x01(\x08\x12,\n\x12\x61llow_unnormalized\x18\x08 \x03(\tB\x10\xea\xe1\x18\x0cJ\n[\"action\"]:\"\xf2\xe1\x18\x1e\n\x0ejoshua-lerobot\x12\x0cMODEL_PLUGINB\x14\n\x12_actions_per_chunkB\x12\n\x10_denoising_stepsB\x0f\n\r_picture_sizeb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -45,8 +45,10 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_LEROBOTPOLICY'].fields_by_name['denoising_steps']._serialized_options = b'\352\341\030\022\021\000\000\000\000\000\000\360?\031\000\000\000\000\000@\217@'
   _globals['_LEROBOTPOLICY'].fields_by_name['picture_size']._loaded_options = None
   _globals['_LEROBOTPOLICY'].fields_by_name['picture_size']._serialized_options = b'\352\341\030\026\n\002px\021\000\000\000\000\000\000P@\031\000\000\000\000\000\000\240@'
+  _globals['_LEROBOTPOLICY'].fields_by_name['allow_unnormalized']._loaded_options = None
+  _globals['_LEROBOTPOLICY'].fields_by_name['allow_unnormalized']._serialized_options = b'\352\341\030\014J\n[\"action\"]'
   _globals['_LEROBOTPOLICY']._loaded_options = None
   _globals['_LEROBOTPOLICY']._serialized_options = b'\362\341\030\036\n\016joshua-lerobot\022\014MODEL_PLUGIN'
   _globals['_LEROBOTPOLICY']._serialized_start=98
-  _globals['_LEROBOTPOLICY']._serialized_end=524
+  _globals['_LEROBOTPOLICY']._serialized_end=570
 # @@protoc_insertion_point(module_scope)

@@ -9,7 +9,7 @@ from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class LeRobotPolicy(_message.Message):
-    __slots__ = ("revision", "units", "absent_cameras", "actions_per_chunk", "denoising_steps", "picture_size", "compile")
+    __slots__ = ("revision", "units", "absent_cameras", "actions_per_chunk", "denoising_steps", "picture_size", "compile", "allow_unnormalized")
     REVISION_FIELD_NUMBER: _ClassVar[int]
     UNITS_FIELD_NUMBER: _ClassVar[int]
     ABSENT_CAMERAS_FIELD_NUMBER: _ClassVar[int]
@@ -17,6 +17,7 @@ class LeRobotPolicy(_message.Message):
     DENOISING_STEPS_FIELD_NUMBER: _ClassVar[int]
     PICTURE_SIZE_FIELD_NUMBER: _ClassVar[int]
     COMPILE_FIELD_NUMBER: _ClassVar[int]
+    ALLOW_UNNORMALIZED_FIELD_NUMBER: _ClassVar[int]
     revision: str
     units: _config_pb2.JointPositionUnit
     absent_cameras: _containers.RepeatedScalarFieldContainer[str]
@@ -24,4 +25,5 @@ class LeRobotPolicy(_message.Message):
     denoising_steps: int
     picture_size: int
     compile: bool
-    def __init__(self, revision: _Optional[str] = ..., units: _Optional[_Union[_config_pb2.JointPositionUnit, str]] = ..., absent_cameras: _Optional[_Iterable[str]] = ..., actions_per_chunk: _Optional[int] = ..., denoising_steps: _Optional[int] = ..., picture_size: _Optional[int] = ..., compile: _Optional[bool] = ...) -> None: ...
+    allow_unnormalized: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, revision: _Optional[str] = ..., units: _Optional[_Union[_config_pb2.JointPositionUnit, str]] = ..., absent_cameras: _Optional[_Iterable[str]] = ..., actions_per_chunk: _Optional[int] = ..., denoising_steps: _Optional[int] = ..., picture_size: _Optional[int] = ..., compile: _Optional[bool] = ..., allow_unnormalized: _Optional[_Iterable[str]] = ...) -> None: ...

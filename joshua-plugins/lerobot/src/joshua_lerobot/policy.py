@@ -22,7 +22,7 @@ from joshua_lerobot.loading import (
     not_compiled,
     out_of_memory,
 )
-from joshua_lerobot.settings import PREDICTS_CHUNKS, PolicySettings, without_statistics
+from joshua_lerobot.settings import PREDICTS_CHUNKS, PolicySettings
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -58,11 +58,11 @@ class LeRobotModel(Model):
         """Fetch and load the policy. Raises ModelError."""
         self._checkpoint, self._unit = open_checkpoint(self.settings)
         self._loaded = load_policy(self._checkpoint, self.settings)
-        if lacking := without_statistics(self._checkpoint):
+        if self._checkpoint.unnormalised:
             _LOG.warning(
-                "%s has no statistics of %s, which are not normalised: fine-tune it on data of your robot",
+                "%s has no statistics of %s, which are not normalised, as allow_unnormalized permits",
                 self._checkpoint.folder,
-                ", ".join(lacking),
+                ", ".join(self._checkpoint.unnormalised),
             )
         coefficient = self._checkpoint.config.get("temporal_ensemble_coeff")
         if coefficient is not None:
@@ -233,6 +233,9 @@ def open_checkpoint(settings: PolicySettings) -> tuple[Checkpoint, Unit]:
         if not folder.exists() and is_hub_id(settings.weights):
             folder = fetch(settings.weights, settings.revision)
         checkpoint = settings.read(folder)
+        settings.needs_of(
+            checkpoint
+        )  # a checkpoint of the hub may not have been here when the file was checked
         return checkpoint, Unit(settings.unit_of(checkpoint))
     except CheckpointError as error:
         raise ModelError(str(error)) from error

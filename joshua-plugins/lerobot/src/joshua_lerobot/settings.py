@@ -12,8 +12,9 @@ from joshua.features import ACTION, IMAGES, STATE, Feature
 from joshua.tools import install
 from pydantic import model_validator
 
-from joshua_lerobot.checkpoint import NORMALISED_BY, Checkpoint, CheckpointError, extent, read_checkpoint
+from joshua_lerobot.checkpoint import Checkpoint, CheckpointError, extent, read_checkpoint
 from joshua_lerobot.hub import cached, is_hub_id
+from joshua_lerobot.normalisation import NORMALISED_BY
 
 WEIGHTS = "pretrained_model_name_or_path"
 
@@ -93,6 +94,7 @@ class PolicySettings(ModelSettings):
         revision: of a checkpoint on the hub, "" for the newest.
         unit: of the joints in the checkpoint, "" for what its files say.
         absent_cameras: cameras of the checkpoint that the robot does not have.
+        allow_unnormalized: features that may lack the statistics of their normalisation.
         actions_per_chunk: kept of each chunk; 0 for as many as the checkpoint says.
         denoising_steps, picture_size: replace the checkpoint's; 0 keeps them.
         compile: whether to use torch.compile.
@@ -105,6 +107,7 @@ class PolicySettings(ModelSettings):
     revision: str = ""
     unit: str = ""
     absent_cameras: tuple[str, ...] = ()
+    allow_unnormalized: tuple[str, ...] = ()
     actions_per_chunk: int = 0
     denoising_steps: int = 0
     picture_size: int = 0
@@ -116,6 +119,7 @@ class PolicySettings(ModelSettings):
         own = super().si_values({}, node, context)
         own["unit"] = UNITS.get(str(values.get("units")), "")
         own["absent_cameras"] = tuple(_key(name) for name in values.get("absent_cameras") or ())
+        own["allow_unnormalized"] = tuple(map(str, values.get("allow_unnormalized") or ()))
         for name in ("revision", "actions_per_chunk", "denoising_steps", "picture_size", "compile"):
             if values.get(name):
                 own[name] = values[name]
@@ -183,6 +187,7 @@ class PolicySettings(ModelSettings):
             )
         self._check_choices(checkpoint)
         _check_statistics(checkpoint)
+        self._check_normalised(checkpoint)
         unit = self.unit_of(checkpoint)
         features = []
         for item in checkpoint.inputs:
@@ -276,8 +281,38 @@ class PolicySettings(ModelSettings):
                 f"Write at most {longest}",
             )
 
+    def _check_normalised(self, checkpoint: Checkpoint) -> None:
+        """Raise FieldError for features whose values would not be normalised, unless the file allows it."""
+        known = [item.key for item in (*checkpoint.inputs, *checkpoint.outputs)]
+        for key in self.allow_unnormalized:
+            if key not in known:
+                raise self._error(
+                    "allow_unnormalized",
+                    f"{key} is not a feature of {checkpoint.folder}, which has {', '.join(known)}",
+                    "Correct it",
+                )
+        excused = {*self.allow_unnormalized, *self.absent_cameras}
+        lacking = [key for key in checkpoint.unnormalised if key not in excused]
+        if not lacking:
+            return
+        stored = sorted(key for key in checkpoint.statistics if key not in known)
+        others = f" (it has statistics of {', '.join(stored)})" if stored else ""
+        effect = (
+            "the arm would receive the numbers of the network instead of positions"
+            if ACTION in lacking
+            else "the network would receive numbers on another scale than in its training"
+        )
+        accepted = ", ".join(f'"{key}"' for key in lacking)
+        raise self._error(
+            "",
+            f"{checkpoint.folder} normalises {', '.join(lacking)} and has no statistics for it{others}, so "
+            f"{effect}",
+            "Train it on data of your robot, which adds them (pretrained in imitation_config), or name a "
+            f"checkpoint that has them. To run it all the same, add allow_unnormalized: [{accepted}]",
+        )
+
     def _error(self, field: str, message: str, remedy: str) -> FieldError:
-        return FieldError(f"{self.prefix}{field}", message, remedy=remedy)
+        return FieldError(f"{self.prefix}{field}" if field else "", message, remedy=remedy)
 
 
 def _key(name: str) -> str:
@@ -310,18 +345,6 @@ def _check_statistics(checkpoint: Checkpoint) -> None:
                     f"{len(found)}: they are those of another robot",
                     remedy="Save the checkpoint with the statistics of the data set that it was trained on",
                 )
-
-
-def without_statistics(checkpoint: Checkpoint) -> list[str]:
-    """Return the features that the policy normalises without statistics: their values are then wrong."""
-    return [
-        item.key
-        for item in (*checkpoint.inputs, *checkpoint.outputs)
-        if any(
-            name not in checkpoint.statistics.get(item.key, {})
-            for name in NORMALISED_BY.get(checkpoint.norms.get(item.key, ""), ())
-        )
-    ]
 
 
 class LeRobotSettings(PolicySettings):

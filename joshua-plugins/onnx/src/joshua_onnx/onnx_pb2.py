@@ -26,7 +26,7 @@ from joshua.schema import config_pb2 as joshua_dot_schema_dot_config__pb2
 from joshua.schema import options_pb2 as joshua_dot_schema_dot_options__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16joshua_onnx/onnx.proto\x12\x06joshua\x1a\x1ajoshua/schema/config.proto\x1a\x1bjoshua/schema/options.proto\"\xd6\x01\n\nOnnxPolicy\x12\x1e\n\x08revision\x18\x01 \x01(\tB\x0c\xea\xe1\x18\x08J\x06\"main\"\x12\x39\n\x05units\x18\x02 \x01(\x0e\x32\x19.joshua.JointPositionUnitB\x0f\xea\xe1\x18\x0b*\tUNIT_AUTO\x12\x36\n\x11\x61\x63tions_per_chunk\x18\x03 \x01(\x05\x42\x16\xea\xe1\x18\x12\x11\x00\x00\x00\x00\x00\x00\xf0?\x19\x00\x00\x00\x00\x00@\x8f@H\x00\x88\x01\x01:\x1f\xf2\xe1\x18\x1b\n\x0bjoshua-onnx\x12\x0cMODEL_PLUGINB\x14\n\x12_actions_per_chunkb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16joshua_onnx/onnx.proto\x12\x06joshua\x1a\x1ajoshua/schema/config.proto\x1a\x1bjoshua/schema/options.proto\"\x84\x02\n\nOnnxPolicy\x12\x1e\n\x08revision\x18\x01 \x01(\tB\x0c\xea\xe1\x18\x08J\x06\"main\"\x12\x39\n\x05units\x18\x02 \x01(\x0e\x32\x19.joshua.JointPositionUnitB\x0f\xea\xe1\x18\x0b*\tUNIT_AUTO\x12\x36\n\x11\x61\x63tions_per_chunk\x18\x03 \x01(\x05\x42\x16\xea\xe1\x18\x12\x11\x00\x00\x00\x00\x00\x00\xf0?\x19\x00\x00\x00\x00\x00@\x8f@H\x00\x88\x01\x01\x12,\n\x12\x61llow_unnormalized\x18\x04 \x03(\tB\x10\xea\xe1\x18\x0cJ\n[\"action\"]:\x1f\xf2\xe1\x18\x1b\n\x0bjoshua-onnx\x12\x0cMODEL_PLUGINB\x14\n\x12_actions_per_chunkb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -39,8 +39,10 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_ONNXPOLICY'].fields_by_name['units']._serialized_options = b'\352\341\030\013*\tUNIT_AUTO'
   _globals['_ONNXPOLICY'].fields_by_name['actions_per_chunk']._loaded_options = None
   _globals['_ONNXPOLICY'].fields_by_name['actions_per_chunk']._serialized_options = b'\352\341\030\022\021\000\000\000\000\000\000\360?\031\000\000\000\000\000@\217@'
+  _globals['_ONNXPOLICY'].fields_by_name['allow_unnormalized']._loaded_options = None
+  _globals['_ONNXPOLICY'].fields_by_name['allow_unnormalized']._serialized_options = b'\352\341\030\014J\n[\"action\"]'
   _globals['_ONNXPOLICY']._loaded_options = None
   _globals['_ONNXPOLICY']._serialized_options = b'\362\341\030\033\n\013joshua-onnx\022\014MODEL_PLUGIN'
   _globals['_ONNXPOLICY']._serialized_start=92
-  _globals['_ONNXPOLICY']._serialized_end=306
+  _globals['_ONNXPOLICY']._serialized_end=352
 # @@protoc_insertion_point(module_scope)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from joshua.api import FieldError
-from joshua.tools import install
+from joshua.tools import describe_pointer, install
 from joshua_lerobot.checkpoint import PICKLES, Checkpoint, CheckpointError, pickled, read_checkpoint
 from joshua_lerobot.settings import PolicySettings
 from pydantic import model_validator
@@ -51,6 +51,8 @@ def read_exported(folder: Path) -> Checkpoint:
             f"{folder} contains no exported policy",
             f"Export it: joshua policy export {folder} {folder.with_name(f'{folder.name}_onnx')}",
         )
+    if (pointer := describe_pointer(path)) is not None:
+        raise CheckpointError(*pointer)
     if path.stat().st_size != described.get("bytes"):
         raise CheckpointError(
             f"{path} has {path.stat().st_size} bytes, but {described.get('bytes')} were exported: the file "

@@ -9,7 +9,7 @@ from typing import Any
 from joshua.api import FieldError
 from joshua.api.models import ModelNeeds, ModelSettings
 from joshua.features import ACTION, STATE, Feature
-from joshua.tools import install
+from joshua.tools import describe_pointer, install
 from pydantic import model_validator
 
 ABOUT = "policy.json"
@@ -75,6 +75,9 @@ class PpoPolicySettings(ModelSettings):
             raise FieldError(
                 "", f"{path} does not describe a policy: {error}", remedy="Copy the checkpoint again"
             ) from error
+        for name in (WEIGHTS, NETWORK):
+            if (pointer := describe_pointer(self.folder / name)) is not None:
+                raise FieldError("", pointer[0], remedy=pointer[1])
         if not any((self.folder / name).is_file() for name in (WEIGHTS, NETWORK)):
             message = f"{self.folder} has neither {WEIGHTS} nor {NETWORK}"
             raise FieldError("", message, remedy="Copy the checkpoint again")

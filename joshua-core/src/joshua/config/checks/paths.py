@@ -98,7 +98,9 @@ def _field(
         yield from _input_file(context, path, place, "video file")
     elif facts.kind == rules.KIND_MODEL and not _exists(place) and not _is_hub_id(context, path, value):
         message = f"The weights do not exist: looked for {place}"
-        yield context.missing("weights-not-found", message, path)
+        # A model cannot be checked without its weights, so a file that names others is not valid here.
+        make = context.error if path.startswith("ai.models") else context.missing
+        yield make("weights-not-found", message, path)
     elif facts.kind == rules.KIND_INTERPRETER and not (_is_file(place) and os.access(place, os.X_OK)):
         message = f"The Python interpreter of this node does not exist or cannot be run: looked for {place}"
         yield context.missing("interpreter-missing", message, path)

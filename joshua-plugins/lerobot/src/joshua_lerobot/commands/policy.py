@@ -92,7 +92,7 @@ def description(folder: Path) -> Iterator[str]:
     from joshua.features import ACTION, STATE
 
     from joshua_lerobot.checkpoint import read_checkpoint
-    from joshua_lerobot.settings import LeRobotSettings, without_statistics
+    from joshua_lerobot.settings import LeRobotSettings
 
     checkpoint = read_checkpoint(folder)
     unit = LeRobotSettings(weights=str(folder)).unit_of(checkpoint)
@@ -111,5 +111,8 @@ def description(folder: Path) -> Iterator[str]:
     config = checkpoint.config
     if steps := config.get("chunk_size") or config.get("n_action_steps"):
         yield f"  chunk of {steps} actions" + (f" at {checkpoint.fps:g} Hz" if checkpoint.fps else "")
-    if lacking := without_statistics(checkpoint):
-        yield f"  no statistics of {', '.join(lacking)}: fine-tune it on data of your robot"
+    if checkpoint.unnormalised:
+        yield (
+            f"  no statistics of {', '.join(checkpoint.unnormalised)}, which it normalises: it does not run "
+            "before it is trained on data of your robot"
+        )
