@@ -160,6 +160,15 @@ def test_too_many_files_are_refused() -> None:
     assert len(loaded.sources) == 256
 
 
+def test_a_chain_of_includes_has_an_end(folder: Path) -> None:
+    for number in range(200):
+        Path(f"{number:03}.pbtxt").write_text(f'include: "{number + 1:03}.pbtxt"\n', encoding="utf-8")
+    Path("200.pbtxt").write_text("general { }\n", encoding="utf-8")
+    found = only(load("000.pbtxt"))
+    assert (found.code, str(found.position)) == ("include-too-deep", "032.pbtxt:1:10")
+    assert found.message == "A chain of includes has more than 32 files."
+
+
 def test_an_absolute_include_is_taken_as_it_stands(folder: Path) -> None:
     write(robot=f'include: "{folder}/sub/a.pbtxt"', sub__a='general { name: "a" }')
     loaded = load("robot.pbtxt")

@@ -60,6 +60,7 @@ def test_dynamixel_servos_add_what_others_subtract_and_turn_round_by_themselves(
     ("text", "message"),
     [
         ("{", r"arm\.json: is not valid JSON .*export the calibration again"),
+        ("[" * 100_000, r"arm\.json: is not valid JSON \(it is nested more than 100 levels deep\)"),
         ("[]", r"an object from joint name to id.*name a file below ~/\.cache/huggingface"),
         ("{}", "an object from joint name"),
         (

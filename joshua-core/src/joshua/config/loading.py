@@ -13,7 +13,7 @@ from joshua.config.graph import build_graph
 from joshua.schema.config_pb2 import Config
 from joshua.textproto.binder import Binder, Merge
 from joshua.textproto.diagnostics import Diagnostics, Span
-from joshua.textproto.limits import MAX_FILES
+from joshua.textproto.limits import MAX_FILES, MAX_INCLUDE_DEPTH
 from joshua.textproto.parser import parse
 from joshua.textproto.plugin_types import PluginTypes
 from joshua.textproto.positions import Positions
@@ -184,6 +184,9 @@ class _Loading:
             related = [] if first is None else [(first, "it is included first here")]
         elif len(self._included) >= MAX_FILES:
             code, message = "too-many-files", f"More than {MAX_FILES} files are included."
+        elif len(self._chain) > MAX_INCLUDE_DEPTH:
+            code = "include-too-deep"
+            message = f"A chain of includes has more than {MAX_INCLUDE_DEPTH} files."
         else:
             return True
         self._problems.error(code, message, at, path="include", found=path, related=related)

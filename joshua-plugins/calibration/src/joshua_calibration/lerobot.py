@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from joshua.api.calibration import ArmCalibration
+from joshua.tools import parse_json
 from pydantic import ValidationError
 
 
@@ -32,7 +33,7 @@ def from_lerobot(text: str, *, source: str = "the file", servo_adds_offset: bool
         CalibrationError: the text is not such a calibration.
     """
     try:
-        content = json.loads(text)
+        content = parse_json(text)
     except ValueError as error:
         raise CalibrationError(
             f"{source}: is not valid JSON ({error}); export the calibration again"

@@ -6,6 +6,8 @@ import json
 import os
 from pathlib import Path
 
+from joshua.tools import parse_json
+
 
 class EepromStoreError(Exception):
     """The file is not one that the emulator wrote. The message says what to do."""
@@ -27,7 +29,7 @@ class EepromStore:
         if self._path is None or not self._path.exists():
             return
         try:
-            content = json.loads(self._path.read_text(encoding="utf-8"))
+            content = parse_json(self._path.read_text(encoding="utf-8"))
             images = {str(slot): bytes.fromhex(image).hex() for slot, image in content["slots"].items()}
             identity = content["identity"]
         except (ValueError, KeyError, TypeError, AttributeError) as error:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from joshua.tools import describe_pointer
+from joshua.tools import describe_pointer, parse_json
 
 #: Description and weights written by the trainers of reinforcement learning.
 ABOUT, WEIGHTS = "policy.json", "policy.safetensors"
@@ -127,7 +126,7 @@ def _policy(folder: Path) -> Checkpoint:
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = parse_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise CheckpointError(
             f"{path} is truncated or not JSON: {error}", "Copy the checkpoint again, or name another one"

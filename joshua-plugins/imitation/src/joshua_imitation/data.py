@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from joshua.features import ACTION, STATE
+from joshua.tools import parse_json
 from joshua_dataset.decoding import DatasetError
 from joshua_dataset.reader import Dataset, Episode
 from joshua_training.run_folder import RunError, unusable
@@ -119,7 +119,7 @@ def refuse_other_data(before: Path, dataset: Dataset) -> None:
         RunError: rate, robot, inputs, joints or episodes differ; names the first.
     """
     try:
-        info = json.loads(before.read_text(encoding="utf-8"))
+        info = parse_json(before.read_text(encoding="utf-8"))
         old, new = _identity(info), _identity(dataset.info)
         counts = [f"{each['total_episodes']} episodes of {each['total_frames']} frames in all"
                   for each in (info, dataset.info)]  # fmt: skip

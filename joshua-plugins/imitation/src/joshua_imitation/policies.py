@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from joshua.tools import parse_json
 from joshua_dataset.reader import Dataset
 from joshua_lerobot.checkpoint import CONFIG, DATASET, PREPROCESSOR, Checkpoint, CheckpointError
 from joshua_lerobot.hub import fetch
@@ -359,7 +360,7 @@ def save_policy(parts: Parts, dataset: Dataset, folder: Path, final: Path) -> No
 def _name_language_model(folder: Path, place: str) -> None:
     """Name the folder of the language model by its absolute path; LeRobot looks for others on the hub."""
     for name in (CONFIG, PREPROCESSOR):
-        content = json.loads((folder / name).read_text(encoding="utf-8"))
+        content = parse_json((folder / name).read_text(encoding="utf-8"))
         if name == CONFIG:
             content["vlm_model_name"] = place
         for step in content.get("steps", ()):

@@ -5,13 +5,13 @@ Why one file: a validation reports the problems of all fields at once, and most 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from joshua.api import BlockContext, FieldError, FieldErrors
 from joshua.features import FeatureSet
+from joshua.tools import parse_json
 from joshua_lerobot.checkpoint import CheckpointError
 from joshua_lerobot.hub import cached
 from joshua_training.settings import RunSettings
@@ -343,7 +343,7 @@ class ImitationSettings(RunSettings):
             return  # the checks of the file report it, or it is fetched
         path = Path(self.dataset) / "meta" / "info.json"
         try:
-            info = json.loads(path.read_text(encoding="utf-8"))
+            info = parse_json(path.read_text(encoding="utf-8"))
             features = dict(info["features"])
             version = str(info["codebase_version"])
         except (OSError, ValueError, KeyError, TypeError) as error:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from joshua.features import ACTION, STATE, FeatureSet
-from joshua.tools import describe_pointer
+from joshua.tools import describe_pointer, parse_json
 
 from joshua_lerobot.normalisation import Normaliser, norm_of, unnormalised
 from joshua_lerobot.safetensors import TornFileError, entries, table
@@ -260,7 +259,7 @@ def _features(folder: Path, config: Mapping[str, Any], side: str) -> tuple[Polic
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = parse_json(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise CheckpointError(f"{path} cannot be read: {error.strerror}", "Change its permissions") from error
     except ValueError as error:
@@ -325,10 +324,10 @@ def _dataset(folder: Path) -> tuple[FeatureSet | None, float]:
 def _trained_on(folder: Path) -> dict[str, Any]:
     """Return ``meta/info.json`` of the data set in ``train_config.json``, if it is on this machine."""
     try:
-        named = json.loads((folder / "train_config.json").read_text(encoding="utf-8"))["dataset"]
+        named = parse_json((folder / "train_config.json").read_text(encoding="utf-8"))["dataset"]
         home = os.environ.get("HF_LEROBOT_HOME") or "~/.cache/huggingface/lerobot"
         place = Path(named.get("root") or Path(home).expanduser() / str(named["repo_id"]))
-        content = json.loads((place / "meta" / "info.json").read_text(encoding="utf-8"))
+        content = parse_json((place / "meta" / "info.json").read_text(encoding="utf-8"))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
     return content if isinstance(content, dict) and "features" in content else {}

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from joshua.tools import parse_json
 
 #: Larger headers are refused by the library, too.
 _LARGEST_HEADER_B = 100_000_000
@@ -42,7 +43,7 @@ def entries(path: Path) -> dict[str, Entry]:
         if size < 8 or not 2 <= length <= min(size - 8, _LARGEST_HEADER_B):
             raise TornFileError(f"{path} is not a safetensors file: its header is missing or cut off")
         try:
-            header = json.loads(file.read(length))
+            header = parse_json(file.read(length))
             found = {
                 name: _entry(values, 8 + length) for name, values in header.items() if name != "__metadata__"
             }

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from joshua.api.models import Compute
 from joshua.features import ACTION
+from joshua.tools import parse_json
 from joshua_lerobot.checkpoint import (
     CONFIG,
     DATASET,
@@ -93,7 +94,7 @@ def export(folder: Path, target: Path) -> Iterator[str]:
 
 def _type_of(folder: Path) -> str:
     try:
-        return str(json.loads((folder / CONFIG).read_text(encoding="utf-8"))["type"])
+        return str(parse_json((folder / CONFIG).read_text(encoding="utf-8"))["type"])
     except (OSError, ValueError, KeyError, TypeError):
         return ""  # reading the checkpoint reports why
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from joshua.tools import parse_json
 from joshua_lerobot.checkpoint import CheckpointError
 from joshua_lerobot.loading import require
 
@@ -56,7 +56,7 @@ def export_trained(folder: Path, target: Path) -> Iterator[str]:
     (target / NETWORK).write_bytes(network)
     shutil.copy(found / ABOUT, target / ABOUT)
     yield f"{target / NETWORK}: {len(network) / 1e3:.3g} kB, largest difference {difference:.1e}"
-    environment = json.loads((found / ABOUT).read_text(encoding="utf-8"))["environment"]
+    environment = parse_json((found / ABOUT).read_text(encoding="utf-8"))["environment"]
     yield f"{environment}: run it with plugin_config {{ [joshua/joshua.PpoPolicy] {{ … }} }}"
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from joshua.api import FieldError
 from joshua.api.models import ModelNeeds, ModelSettings
 from joshua.features import ACTION, STATE, Feature
-from joshua.tools import describe_pointer, install
+from joshua.tools import describe_pointer, install, parse_json
 from pydantic import model_validator
 
 ABOUT = "policy.json"
@@ -67,7 +66,7 @@ class PpoPolicySettings(ModelSettings):
         """Description of the policy, from its files. Raises FieldError."""
         path = self.folder / ABOUT
         try:
-            about = json.loads(path.read_text(encoding="utf-8"))
+            about = parse_json(path.read_text(encoding="utf-8"))
             features = about["features"]
             if not isinstance(about["environment"], str) or ACTION not in features:
                 raise ValueError("it names no environment or no action")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from joshua.tools import parse_json
 from joshua_training.run_folder import RunError
 
 from joshua_ppo_trainer.normalise import LIMIT
@@ -66,7 +66,7 @@ class Policy:
             RunError: a file is missing, truncated or not from this trainer.
         """
         try:
-            about = json.loads((checkpoint / ABOUT).read_text(encoding="utf-8"))
+            about = parse_json((checkpoint / ABOUT).read_text(encoding="utf-8"))
             return cls(about, arrays_of((checkpoint / WEIGHTS).read_bytes()))
         except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
             reason = f"{type(error).__name__}: {error}"
@@ -103,7 +103,7 @@ def arrays_of(content: bytes) -> dict[str, Any]:
     start = 8 + int.from_bytes(content[:8], "little")
     if not 8 < start <= len(content):
         raise ValueError("the file is truncated")
-    described = json.loads(content[8:start])
+    described = parse_json(content[8:start])
     found = {}
     for name, entry in described.items():
         if name != "__metadata__":

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+from joshua.tools import parse_json
 
 
 class Rows:
@@ -33,7 +34,7 @@ class Rows:
                 if not line.endswith(b"\n"):
                     break
                 self._read += len(line)
-                row: dict[str, Any] = json.loads(line)
+                row: dict[str, Any] = parse_json(line)
                 self.names |= {name for name, value in row.items() if isinstance(value, (int, float))}
                 if row["steps"] > self._known:
                     self._last = max(self._last, row["steps"])

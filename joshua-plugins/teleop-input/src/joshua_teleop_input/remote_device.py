@@ -16,6 +16,7 @@ from typing import Any
 
 from joshua.api import DeviceDisconnected
 from joshua.api.clocks import AwakeClock
+from joshua.tools import parse_json
 
 from joshua_teleop_input.errors import InputDeviceError
 from joshua_teleop_input.events import AxisRange, Capabilities, EventDecoder, InputEvent
@@ -140,7 +141,7 @@ class RemoteDevice:
 def parse_header(line: bytes, path: str) -> Capabilities:
     """Read the first line of a stream. Raises InputDeviceError."""
     try:
-        values: Any = json.loads(line)
+        values: Any = parse_json(line)
         if values["format"] != FORMAT:
             raise ValueError(f"format {values['format']!r}")
         if values["version"] != VERSION:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 from html import escape
 from pathlib import Path
 from typing import Any
+
+from joshua.tools import parse_json
 
 from joshua_training.run_folder import RunFolder
 
@@ -55,7 +56,7 @@ def _groups(path: Path) -> dict[str, dict[str, list[tuple[float, float]]]]:
     lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
     for line in lines:
         try:
-            row: dict[str, Any] = json.loads(line)
+            row: dict[str, Any] = parse_json(line)
             steps = float(row["steps"])
         except (ValueError, KeyError, TypeError):
             continue

@@ -16,6 +16,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from joshua.tools import parse_json
+
 #: Number of checkpoints kept beside the one being written.
 KEPT = 3
 
@@ -220,7 +222,7 @@ class RunFolder:
         kept = []
         for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
             try:
-                if json.loads(line)["steps"] <= steps:
+                if parse_json(line)["steps"] <= steps:
                     kept.append(line + "\n")
             except (ValueError, KeyError, TypeError):
                 continue
@@ -370,7 +372,7 @@ def _git(folder: Path) -> dict[str, Any] | None:
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = parse_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise RunError(f"{path} cannot be read: {error}: choose another run") from error
     if not isinstance(content, dict):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import stat
 import time
@@ -10,6 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
+
+from joshua.tools import parse_json
 
 from joshua_training.run_folder import RunError, RunFolder, discard
 from joshua_training.statistics import Difference, paired
@@ -137,7 +138,7 @@ def read_rows(run: RunFolder) -> list[dict[str, Any]]:
         raise RunError(f"{path} cannot be read: {error.strerror}") from error
     for line in lines:
         try:
-            row = json.loads(line)
+            row = parse_json(line)
         except ValueError:
             continue
         if isinstance(row, dict):
@@ -268,7 +269,7 @@ def _size(folder: Path) -> int:
 
 def _results(run: RunFolder) -> dict[str, Any]:
     try:
-        content = json.loads((run.path / RESULTS).read_text(encoding="utf-8"))
+        content = parse_json((run.path / RESULTS).read_text(encoding="utf-8"))
         return content if isinstance(content["metrics"], dict) and isinstance(content["seeds"], list) else {}
     except (OSError, ValueError, KeyError, TypeError):
         return {}

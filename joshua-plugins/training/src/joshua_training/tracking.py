@@ -17,6 +17,8 @@ from logging import Logger, LoggerAdapter
 from pathlib import Path
 from typing import Any, ClassVar
 
+from joshua.tools import parse_json
+
 from joshua_training.run_folder import RunError, RunFolder
 from joshua_training.tracking_settings import TrackingSettings
 
@@ -211,7 +213,7 @@ class _Outbox:
 
 def _identities(folder: RunFolder) -> dict[str, str]:
     try:
-        found = json.loads((folder.path / IDENTITIES).read_text(encoding="utf-8"))
+        found = parse_json((folder.path / IDENTITIES).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return {str(k): str(v) for k, v in found.items()} if isinstance(found, dict) else {}

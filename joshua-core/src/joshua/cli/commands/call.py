@@ -82,9 +82,10 @@ def _payload(words: list[str]) -> dict[str, Any]:
 
 def _json(text: str) -> Any:
     from joshua.ipc.client import CallError
+    from joshua.plan.json_text import parse_json
 
     try:
-        return json.loads(text)
+        return parse_json(text)
     except ValueError as error:
         raise CallError("invalid", f"{text!r} is not JSON: {error}") from None
 

@@ -17,6 +17,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from typing import Any
 
+from joshua.tools import parse_json
+
 from joshua_calibration.front_end import Ask, Board, Request
 
 HOST = "127.0.0.1"
@@ -249,7 +251,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 def _request(body: bytes) -> Request | None:
     try:
-        content = json.loads(body)
+        content = parse_json(body)
         joint = content.get("joint", -1)
         if isinstance(joint, bool) or not isinstance(joint, int):
             return None

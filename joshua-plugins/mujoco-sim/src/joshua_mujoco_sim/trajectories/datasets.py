@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from array import array
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from joshua.features import Feature, FeatureSet, Unit
+from joshua.tools import parse_json
 
 from joshua_mujoco_sim.trajectories.tables import (
     VECTOR_COLUMNS,
@@ -45,7 +45,7 @@ def read_lerobot(folder: Path, episodes: Sequence[int], budget: Budget) -> list[
         TrajectoryError: the data set is damaged, or has no such episode.
     """
     try:
-        info = json.loads((folder / "meta" / "info.json").read_text(encoding="utf-8"))
+        info = parse_json((folder / "meta" / "info.json").read_text(encoding="utf-8"))
         features = FeatureSet.from_lerobot(info["features"])
         feature = next(features[name] for name in VECTOR_COLUMNS if name in features)
         unit = Unit(feature.unit).value if feature.unit else ""

@@ -11,7 +11,7 @@ from typing import Any, TextIO
 
 import numpy as np
 from joshua.features import ACTION, STATE
-from joshua.tools import install
+from joshua.tools import install, parse_json
 
 from joshua_mujoco_sim.trajectories.trajectory import (
     LONGEST_LINE,
@@ -66,7 +66,7 @@ def read_json_lines(path: Path, budget: Budget) -> Trajectory:
                     continue
                 where = f"{path}, line {number}"
                 try:
-                    record = json.loads(line)
+                    record = parse_json(line)
                 except json.JSONDecodeError as error:
                     raise TrajectoryError(f"{where}: {error.msg} in column {error.colno}") from error
                 except (ValueError, RecursionError) as error:  # thousands of digits or brackets
