@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from joshua.config import check, load
 from joshua.config.loading import calibration_path, journal_path
+from joshua.plan import Severity
 
 ROBOT = """
 general {{ mode: {mode} id: "{robot_id}" name: "rig" }}
@@ -43,8 +44,9 @@ def test_it_is_loaded_with_its_positions(folder: Path):
     assert position.file == loaded.calibration_file
 
 
-def test_arms_that_this_configuration_does_not_have_are_no_finding(folder: Path):
-    assert not [item for item in check(load(robot(folder))) if item.code.startswith("calibration")]
+def test_an_arm_that_this_configuration_does_not_have_is_a_note(folder: Path):
+    (found,) = (item for item in check(load(robot(folder))) if item.code.startswith("calibration"))
+    assert (found.code, found.severity) == ("calibration-unknown-node", Severity.NOTE)
 
 
 def test_the_id_of_the_command_line_decides(folder: Path):

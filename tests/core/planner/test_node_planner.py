@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from joshua.config import load
 from joshua.modes.services import DATA_STORE
-from joshua.plan import Commander
+from joshua.plan import Commander, Severity
 from joshua.plan.graph import GraphService
 from joshua.planner.node_planner import commanders
 from joshua.planner.pipeline import examine
@@ -68,6 +68,26 @@ calibration { arms { node_name: "leader"
     leader, follower = examine(Request(teleoperation(tmp_path, calibration))).plan.nodes
     assert [joint.name for joint in leader.facts.joints] == ["shoulder_pan", "gripper"]
     assert [joint.name for joint in follower.facts.commanders[0].joints] == ["shoulder_pan", "gripper"]
+
+
+def test_a_calibration_of_the_robot_is_judged_once_and_where_it_stands(tmp_path):
+    path = Path(teleoperation(tmp_path))
+    folder = tmp_path / "calibration"
+    folder.mkdir()
+    (folder / "rig-1.pbtxt").write_text("""calibration {
+  arms { node_name: "leader"
+    motors { id: 1 joint_name: "pan" range_min: 100 range_max: 4368 }
+    motors { id: 2 joint_name: "grip" range_min: 200 range_max: 3000 } }
+  arms { node_name: "leder"
+    motors { id: 1 joint_name: "pan" range_min: 100 range_max: 4000 } }
+}
+""")
+    error, note = examine(Request(str(path))).diagnostics
+    assert (error.code, error.severity) == ("out-of-range", Severity.ERROR)
+    assert error.field_path == "calibration.arms[0].motors[0].range_max"
+    assert str(error.position) == f"{folder / 'rig-1.pbtxt'}:3:59"
+    assert (note.code, note.severity) == ("calibration-unknown-node", Severity.NOTE)
+    assert note.allowed[0] == '"leader"'
 
 
 def test_an_actuator_knows_who_may_take_over(tmp_path):

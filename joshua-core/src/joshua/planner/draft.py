@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from joshua.config.checks import Context
@@ -55,5 +56,15 @@ class Draft(Context):
         settings, problems = make_settings(
             spec, block, node=node, context=context, field_path=path, positions=self.loaded.positions
         )
-        self.findings += problems
+        self.findings += [self._at_calibration(item, path, context) for item in problems]
         return settings
+
+    def _at_calibration(self, item: Diagnostic, path: str, context: BlockContext) -> Diagnostic:
+        """Move a problem with the calibration that a block was given to the file that contains it."""
+        given, inside = context.calibration, f"{path}.calibration"
+        if given is None or not f"{item.field_path}.".startswith(f"{inside}."):
+            return item
+        arms = self.config.calibration.arms
+        index = next(number for number, arm in enumerate(arms) if arm.node_name == given.node_name)
+        field_path = f"calibration.arms[{index}]{item.field_path.removeprefix(inside)}"
+        return replace(item, field_path=field_path, position=self.loaded.positions.nearest(field_path))

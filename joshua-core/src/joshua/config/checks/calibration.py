@@ -27,9 +27,9 @@ def check(context: Context) -> Iterator[Diagnostic]:
             related = context.see(f"{other}.node_name", "first calibration")
             yield context.error("calibration-duplicate", message, f"{path}.node_name", related=related)
         elif arm.node_name not in actuators:
-            if _is_shared(context, path):
-                continue  # the robot's file has all its arms, this configuration maybe only some
-            yield context.warning(
+            # The robot's file has all its arms, this configuration maybe only some.
+            make = context.note if _is_shared(context, path) else context.warning
+            yield make(
                 "calibration-unknown-node",
                 f"No actuator of this file is called {arm.node_name}, so this calibration has no effect",
                 f"{path}.node_name",

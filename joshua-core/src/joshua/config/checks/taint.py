@@ -115,11 +115,15 @@ def one_of_each(
     }
     broken = frozenset(item.field_path for item in errors if item.code != _TOLD_APART) - files.keys()
     taint = Taint(broken, frozenset(around for path in broken for around in _enclosing(path)[1:]))
+    # Settings hold a calibration against the range of the schema again.
+    calibrated = {item.field_path for item in errors if item.field_path.startswith("calibration.")}
     told: set[str] = set()
     kept = []
     for item in findings:
         if item.code != "invalid-setting":
             kept.append(item)
+        elif item.field_path in calibrated:
+            continue
         elif item.field_path in files:
             told.add(item.field_path)
             missing = files[item.field_path]
