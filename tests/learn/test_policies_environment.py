@@ -10,6 +10,29 @@ from pathlib import Path
 SCRIPT = Path(__file__).resolve().parents[2] / "tools" / "check_policies.py"
 
 
+RENDER = """
+import mujoco
+from joshua_mujoco_sim.rendering import CameraRenderer
+
+model = mujoco.MjModel.from_xml_string(
+    "<mujoco><worldbody><camera name='top' pos='0 0 1'/><geom size='.1'/></worldbody></mujoco>"
+)
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+renderer = CameraRenderer(model, "top", 64, 48)
+renderer.look(data)
+print(renderer.draw().shape)
+import torch._dynamo
+import lerobot.policies.act.modeling_act
+"""
+
+
+def test_a_policy_can_be_imported_after_a_picture_was_rendered() -> None:
+    done = subprocess.run([sys.executable, "-c", RENDER], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-1000:]
+    assert done.stdout == "(48, 64, 3)\n"
+
+
 def check(*folders: Path) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, folders))}
     return subprocess.run(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib
+import importlib.util
 import threading
 from typing import Any
 
@@ -24,6 +27,7 @@ _busy = threading.Lock()
 def _open_context(width: int, height: int) -> Any:
     """Create an OpenGL context and make it current in this thread. Raises RenderingError."""
     name = choose_gl()
+    _load_triton()
     try:
         if name == "egl":
             from mujoco.egl import GLContext
@@ -40,6 +44,18 @@ def _open_context(width: int, height: int) -> Any:
     except Exception as error:  # each OpenGL binding raises its own exceptions
         raise _unusable(name, error) from error
     return context
+
+
+def _load_triton() -> None:
+    """Load triton, which PyTorch's builds for CUDA bring, before Mesa's software renderer.
+
+    Both contain LLVM. A process that imports a policy, and triton with it, after its first picture ends with
+    a segmentation fault. In the other order both work (triton 3.8, Mesa 22.3).
+    """
+    if importlib.util.find_spec("triton") is None:
+        return
+    with contextlib.suppress(ImportError):  # a build for another machine, which PyTorch does not use either
+        importlib.import_module("triton")
 
 
 def _unusable(name: str, error: Exception) -> RenderingError:
