@@ -322,7 +322,7 @@ def test_v21_is_read_and_converted(tmp_path: Path) -> None:
 def test_a_path_out_of_the_data_set_is_refused(tmp_path: Path) -> None:
     write(tmp_path / "a")
     rewrite(tmp_path / "a" / INFO, lambda info: info | {"data_path": "../../{chunk_index}{file_index}"})
-    with pytest.raises(DatasetError, match="is outside the data set"):
+    with pytest.raises(DatasetError, match=r"is outside .*: it contains \.\."):
         list(Dataset.read(tmp_path / "a").episode_list())
 
 

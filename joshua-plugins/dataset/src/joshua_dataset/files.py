@@ -12,6 +12,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
+from joshua.api.files import inside
 
 #: What to do about an error of the disk.
 _REMEDIES = {
@@ -66,11 +67,11 @@ class Staging:
     """The files of one change of a data set; readers see none of them before ``commit``.
 
     Args:
-        files: file operations.
+        files: file operations; folder: of the data set, which contains every path.
     """
 
-    def __init__(self, files: Files) -> None:
-        self._files = files
+    def __init__(self, files: Files, folder: Path) -> None:
+        self._files, self._folder = files, folder
         self._staged: list[tuple[Path, Path]] = []
         self._moved: list[tuple[Path, Path]] = []
 
@@ -96,7 +97,8 @@ class Staging:
 
     def move(self, source: Path, path: Path) -> None:
         """Add a complete file or folder from the same disk. Raises OSError."""
-        self._files.make_folder(path.parent)
+        inside(self._folder, source)
+        self._files.make_folder(inside(self._folder, path).parent)
         self._moved.append((source, path))
 
     def commit(self) -> None:
@@ -127,7 +129,7 @@ class Staging:
                 fresh.unlink(missing_ok=True)
 
     def _fresh(self, path: Path) -> Path:
-        self._files.make_folder(path.parent)
-        fresh = path.with_suffix(".new")
+        self._files.make_folder(inside(self._folder, path).parent)
+        fresh = inside(self._folder, path.with_suffix(".new"))
         self._staged.append((fresh, path))
         return fresh

@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from joshua.api.files import file_inside
 from joshua.features import EpisodeError
 
 #: Folder of the writer's own files inside a data set; readers of LeRobot's layout ignore it.
@@ -31,6 +32,7 @@ class WriterLock:
 
     def take(self) -> None:
         """Take the lock. Raises EpisodeError that names the owner, and OSError."""
+        file_inside(self._folder, self._path, "the lock")
         self._path.parent.mkdir(parents=True, exist_ok=True)
         while True:
             file = self._path.open("a+", encoding="utf-8")
@@ -55,7 +57,13 @@ class WriterLock:
         file.flush()
 
     def require_free(self) -> None:
-        """Check that no other process writes, without a change. Raises EpisodeError that names it."""
+        """Check that no other process writes, without a change.
+
+        Raises:
+            EpisodeError: another process writes; the message names it.
+            UnsafePathError: the lock is elsewhere, or not a file.
+        """
+        file_inside(self._folder, self._path, "the lock")
         with contextlib.suppress(OSError), self._path.open(encoding="utf-8") as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -10,12 +10,13 @@ from dataclasses import replace
 from typing import Any
 
 import pyarrow as pa
+from joshua.api.files import file_inside, inside
 from joshua.features import DatasetLayout, EpisodeError, Frame
 from joshua.messages import MessageError, encode
 
 from joshua_dataset import metadata, open_episode
 from joshua_dataset.as_messages import Messages, topic_of
-from joshua_dataset.bag import Bag, completed
+from joshua_dataset.bag import FILE, Bag, completed
 from joshua_dataset.files import Files, Staging, reason
 from joshua_dataset.metadata import ACQUISITION, INFO, MESSAGES, OURS, TASKS
 from joshua_dataset.open_episode import JOURNAL, open_folder
@@ -100,11 +101,12 @@ class McapWriter(DatasetWriter):
             EpisodeError: writing fails.
         """
         folder = open_folder(self.layout.folder)
-        whole = folder / "whole"
-        placed = self.layout.folder / BAG_PATH.format(**metadata.place(self.episodes))
+        whole = inside(self.layout.folder, folder / "whole", "the messages")
+        placed = inside(self.layout.folder, BAG_PATH.format(**metadata.place(self.episodes)), "the episode")
         if placed.exists() and not (folder / _BAG).exists():  # the kill came before it was counted
             placed.replace(folder / _BAG)
         shutil.rmtree(whole, ignore_errors=True)
+        file_inside(self.layout.folder, folder / _BAG / FILE, "the messages")
         bag = completed(folder / _BAG, whole)
         if not bag.count:
             open_episode.remove(self.layout.folder)
@@ -134,7 +136,7 @@ class McapWriter(DatasetWriter):
             "dataset_to_index": self.frames + bag.count,
             **{f"counts/{name}": int(counts.get(name, 0)) for name in self.layout.counters},
         }
-        staging = Staging(self._files)
+        staging = Staging(self._files, folder)
         try:
             staging.move(bag.folder, folder / BAG_PATH.format(**place))
             staging.table(folder / metadata.EPISODES_PATH.format(**place), pa.Table.from_pylist([row]))

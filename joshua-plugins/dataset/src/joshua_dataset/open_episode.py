@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from joshua.api.files import UnsafePathError, file_inside, inside, safe_name
 from joshua.features import DatasetLayout
 
 from joshua_dataset.lock import PRIVATE
@@ -24,8 +25,8 @@ SUFFIXES = {"video": ".mp4", "png": "", "jpeg": ""}
 
 
 def open_folder(folder: Path) -> Path:
-    """Return the folder of a data set's open episode."""
-    return folder / PRIVATE / "open"
+    """Return the folder of a data set's open episode. Raises UnsafePathError for one elsewhere."""
+    return inside(folder, Path(PRIVATE) / "open", "the open episode")
 
 
 class OpenEpisode:
@@ -117,31 +118,44 @@ class OpenEpisode:
 
 
 def pictures_path(layout: DatasetLayout, key: str) -> Path:
-    """Return the file or folder of the pictures of a feature in the open episode."""
-    return open_folder(layout.folder) / f"{key}{SUFFIXES[layout.pictures]}"
+    """Return the file or folder of the pictures of a feature in the open episode. Raises UnsafePathError."""
+    name = f"{safe_name(key, 'the feature')}{SUFFIXES[layout.pictures]}"
+    return inside(open_folder(layout.folder), name, "the pictures")
 
 
 def remove(folder: Path) -> None:
-    """Remove the open episode of a data set."""
+    """Remove the open episode of a data set. Raises UnsafePathError for one elsewhere."""
     shutil.rmtree(open_folder(folder), ignore_errors=True)
 
 
 def read_journal(folder: Path) -> dict[str, Any] | None:
-    """Return the journal of an open episode; None if there is none, {} if a kill truncated it."""
+    """Return the journal of an open episode; None if there is none, {} if a kill truncated it.
+
+    Raises:
+        UnsafePathError: it is elsewhere, or not a file.
+    """
     try:
-        record = json.loads((open_folder(folder) / JOURNAL).read_text(encoding="utf-8"))
+        path = file_inside(open_folder(folder), JOURNAL, "the description of the open episode")
+        record = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {} if open_folder(folder).exists() else None
-    except (OSError, ValueError):
+    except UnsafePathError:
+        raise
+    except (OSError, ValueError, RecursionError):
         return {}
     return record if isinstance(record, dict) and isinstance(record.get("episode_index"), int) else {}
 
 
 def rows_of(folder: Path) -> pa.Table | None:
-    """Return the rows of an open episode that reached the disk; None if there are none."""
+    """Return the rows of an open episode that reached the disk; None if there are none.
+
+    Raises:
+        UnsafePathError: their file is elsewhere, or not a file.
+    """
     batches = []
+    path = file_inside(open_folder(folder), ROWS, "the rows of the open episode")
     try:
-        with (open_folder(folder) / ROWS).open("rb") as file, pa.ipc.open_stream(file) as stream:
+        with path.open("rb") as file, pa.ipc.open_stream(file) as stream:
             with contextlib.suppress(pa.ArrowException, OSError):  # the last batch is truncated
                 batches.extend(stream)
             return pa.Table.from_batches(batches, stream.schema) if batches else None

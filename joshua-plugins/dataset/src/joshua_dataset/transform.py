@@ -10,15 +10,16 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
+from joshua.api.files import inside, safe_name, tree_inside
 from joshua.features import DatasetLayout, EpisodeError, FeatureError, FeatureSet, checked
 from joshua.messages import decode
 from joshua_jobs.executor import Executor
 from joshua_jobs.processes import in_order
 
 from joshua_dataset import statistics
-from joshua_dataset.bag import FILE, messages
+from joshua_dataset.bag import messages
 from joshua_dataset.formats import writer_of
-from joshua_dataset.from_messages import MessageFrames
+from joshua_dataset.from_messages import MessageFrames, message_file
 from joshua_dataset.lock import PRIVATE
 from joshua_dataset.mcap_writer import McapWriter
 from joshua_dataset.metadata import INDEX_COLUMNS, MESSAGES, STAMP
@@ -163,7 +164,7 @@ def _copied_messages(dataset: Dataset, kept: Sequence[int], target: Path) -> int
     with contextlib.closing(McapWriter(layout)) as writer:
         writer.open()
         for episode in dataset.episode_list(set(kept)):
-            for topic, type_name, record in messages(episode.table / FILE):
+            for topic, type_name, record in messages(message_file(dataset, episode)):
                 message = decode(type_name, record.data)
                 writer.add_message(topic, message, record.log_time, record.publish_time)
             writer.end_episode((episode.tasks or ("",))[0], episode.counts)
@@ -238,7 +239,7 @@ def _prepare(job: _Job) -> _Prepared:
         raise EpisodeError(f"episode {episode.index} of {job.folder}: {error}") from error
     kept[STAMP] = columns[STAMP]
     assert not set(kept) & (set(INDEX_COLUMNS) - {STAMP})
-    job.scratch.mkdir(parents=True, exist_ok=True)
+    inside(layout.folder, job.scratch).mkdir(parents=True, exist_ok=True)
     pictures = {feature.key: _pictures(job, dataset, feature.key) for feature in layout.features.pictures}
     return _Prepared(job.scratch, kept, pictures, (episode.tasks or ("",))[0], dict(episode.counts))
 
@@ -250,13 +251,13 @@ def _numbers(feature: Any, values: Any) -> Any:
 def _pictures(job: _Job, dataset: Dataset, key: str) -> Statistics:
     """Copy or encode the pictures of one feature; return their statistics."""
     layout, episode = job.layout, job.episode
-    path = job.scratch / f"{key}{SUFFIXES[layout.pictures]}"
+    path = job.scratch / f"{safe_name(key, 'the feature')}{SUFFIXES[layout.pictures]}"
     where = episode.pictures[key]
     known = {name: values for name, values in episode.statistics.get(key, {}).items() if values is not None}
     own_file = dataset.format != "lerobot" or "joshua" in dataset.info
     if own_file and layout.pictures == dataset.pictures and layout.codec == dataset.codec and known:
         if where.path.is_dir():
-            shutil.copytree(where.path, path)
+            shutil.copytree(tree_inside(job.folder, where.path, "the pictures"), path)
         else:
             shutil.copyfile(where.path, path)
         try:

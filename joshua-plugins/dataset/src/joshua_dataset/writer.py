@@ -36,6 +36,9 @@ from joshua_dataset.statistics import Statistics
 
 _ANOTHER = "Name another local_path"
 
+#: What a writer creates in the folder of a data set.
+_FOLDERS = ("data", "meta", "videos", "images", PRIVATE)
+
 
 class DatasetWriter(EpisodeWriter):
     """See ``EpisodeWriter``.
@@ -178,7 +181,7 @@ class DatasetWriter(EpisodeWriter):
             key: statistics.merged([self._statistics[key], part]) if key in self._statistics else part
             for key, part in found.items()
         }
-        staging = Staging(self._files)
+        staging = Staging(self._files, self.layout.folder)
         try:
             self._stage(staging, whole, found, together, tasks, task, counts)
             staging.commit()
@@ -353,8 +356,9 @@ class DatasetWriter(EpisodeWriter):
     def _remove_empty_folders(self) -> None:
         folder = self.layout.folder
         for inner in sorted(folder.rglob("*"), reverse=True):
-            with contextlib.suppress(OSError):  # files of others stay
-                inner.rmdir()
+            if inner.relative_to(folder).parts[0] in _FOLDERS:
+                with contextlib.suppress(OSError):  # files of others stay
+                    inner.rmdir()
         with contextlib.suppress(OSError):
             folder.rmdir()
 

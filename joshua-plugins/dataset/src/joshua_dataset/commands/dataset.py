@@ -211,7 +211,7 @@ def _stats(arguments: argparse.Namespace) -> int:
     sys.stdout.writelines(f"{line}\n" for line in layout)
     if arguments.write:
         there = Dataset.read(arguments.folder).statistics()
-        staging = Staging(Files())
+        staging = Staging(Files(), arguments.folder)
         staging.json(arguments.folder / STATS, {key: as_json(v) for key, v in (there | found).items()})
         staging.commit()
         sys.stdout.write(f"{arguments.folder / STATS} is replaced\n")

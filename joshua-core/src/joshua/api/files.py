@@ -1,0 +1,11 @@
+"""Names and paths that come from files, messages and remotes, checked before they reach the file system."""
+
+from joshua.plan.safe_paths import UnsafePathError as UnsafePathError
+from joshua.plan.safe_paths import check_distinct as check_distinct
+from joshua.plan.safe_paths import file_inside as file_inside
+from joshua.plan.safe_paths import filled as filled
+from joshua.plan.safe_paths import inside as inside
+from joshua.plan.safe_paths import name_fault as name_fault
+from joshua.plan.safe_paths import remove_tree as remove_tree
+from joshua.plan.safe_paths import safe_name as safe_name
+from joshua.plan.safe_paths import tree_inside as tree_inside
