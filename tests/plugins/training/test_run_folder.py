@@ -37,6 +37,15 @@ def test_runs_of_one_second_have_folders_of_their_own(tmp_path: Path) -> None:
         RunFolder.create(tmp_path / "file", "run", {})
 
 
+def test_only_the_owner_can_enter_a_run(tmp_path: Path) -> None:
+    former = os.umask(0)
+    try:
+        path = RunFolder.create(tmp_path / "runs", "run", {}).path
+    finally:
+        os.umask(former)
+    assert path.stat().st_mode & 0o777 == 0o700
+
+
 def test_a_full_disk_leaves_the_checkpoints_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = RunFolder.create(tmp_path, "run", {"seed": 1})
 

@@ -1,5 +1,8 @@
-"""Names and paths that come from files, messages and remotes, checked before they reach the file system."""
+"""Paths from files, messages and remotes, checked before their use, and files of their owner alone."""
 
+from joshua.plan.private_files import create_private as create_private
+from joshua.plan.private_files import make_private as make_private
+from joshua.plan.private_files import private_opener as private_opener
 from joshua.plan.safe_paths import UnsafePathError as UnsafePathError
 from joshua.plan.safe_paths import check_distinct as check_distinct
 from joshua.plan.safe_paths import file_inside as file_inside

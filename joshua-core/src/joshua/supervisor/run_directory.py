@@ -18,6 +18,7 @@ from joshua.guardian import latch
 from joshua.ipc.client import INFO_NAME, LOCK_NAME, SOCKET_NAME, RunInfo, is_free, read_info
 from joshua.ipc.run_bases import RunDirectoryError, other_bases, private
 from joshua.plan import RunFacts
+from joshua.plan.private_files import private_opener
 from joshua.supervisor.control_server import ControlServer, Handler
 from joshua.supervisor.logbook import Logbook
 from joshua.supervisor.reactor import Reactor
@@ -117,7 +118,8 @@ def _make(base: Path, info: RunInfo) -> list[int]:
         path = runs / info.run
         path.mkdir(mode=0o700)
         descriptors.append(_lock(path / LOCK_NAME, undo, wait=True))
-        (path / INFO_NAME).write_text(json.dumps(asdict(info)))
+        with open(path / INFO_NAME, "w", opener=private_opener) as file:
+            file.write(json.dumps(asdict(info)))
         undo.pop_all()
     return descriptors
 

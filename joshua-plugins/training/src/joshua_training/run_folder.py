@@ -127,7 +127,9 @@ class RunFolder:
         while True:
             path = parent / (f"{name}-{stamp}" + (f"-{number}" if number else ""))
             try:
-                path.mkdir(parents=True)
+                if not parent.exists():
+                    parent.mkdir(parents=True, exist_ok=True)
+                path.mkdir(0o700)
                 break
             except FileExistsError:  # of a run that started in the same second
                 number += 1
