@@ -277,9 +277,17 @@ class Dataset:
         return found
 
     def _rows_v3(self) -> Iterator[dict[str, Any]]:
-        for path in sorted((self.folder / "meta" / "episodes").glob("chunk-*/file-*.parquet")):
-            try:
+        folder = self.folder / "meta" / "episodes"
+        try:
+            paths = [
                 file_inside(self.folder, path)
+                for chunk in sorted(inside(self.folder, folder).glob("chunk-*"))
+                for path in sorted(inside(self.folder, chunk).glob("file-*.parquet"))
+            ]
+        except OSError as error:
+            raise DatasetError(f"{folder} cannot be read: {error}") from error
+        for path in paths:
+            try:
                 with pq.ParquetFile(path) as file:
                     for batch in file.iter_batches(batch_size=64):
                         yield from batch.to_pylist()

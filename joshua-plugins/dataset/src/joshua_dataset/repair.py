@@ -67,9 +67,8 @@ def _layout(
     info = (journal or {}).get("info")
     if not isinstance(info, dict):
         kind = "lerobot"
-        if journal is None:
-            with contextlib.suppress(DatasetError):  # the writer says what is wrong
-                kind = Dataset.read(folder).format
+        with contextlib.suppress(DatasetError):  # the writer says what is wrong
+            kind = Dataset.read(folder).format
         return DatasetLayout(folder, "", 1, FeatureSet()), writer_of(kind)
     try:
         return _described(folder, info)

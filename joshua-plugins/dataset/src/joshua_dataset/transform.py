@@ -151,6 +151,12 @@ def delete(folder: Path, episodes: Sequence[int], *, workers: Executor | int | N
         count = _copied_messages(there, kept, fresh)
     else:
         count = build([Source(folder, kept)], fresh, table_format=there.format, workers=workers)
+    if count != len(kept):  # the rows of the others are missing
+        shutil.rmtree(fresh, ignore_errors=True)
+        raise EpisodeError(
+            f"{folder}: only {count} of the {len(kept)} episodes to keep are described. Nothing is deleted. "
+            f"Run `joshua dataset check {folder}`"
+        )
     folder.rename(old)
     fresh.rename(folder)
     shutil.rmtree(old)

@@ -16,6 +16,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from joshua.api.files import UnsafePathError, inside, safe_name
 from joshua.tools import parse_json
 
 #: Number of checkpoints kept beside the one being written.
@@ -232,7 +233,15 @@ class RunFolder:
 
     def checkpoints(self) -> list[Path]:
         """Return the complete checkpoints, the oldest first."""
-        return sorted(path for path in (self.path / "checkpoints").glob("step_*") if path.is_dir())
+        return sorted(path for path in self._checkpoints.glob("step_*") if path.is_dir())
+
+    @property
+    def _checkpoints(self) -> Path:
+        """The folder of the checkpoints. Raises RunError for one elsewhere."""
+        try:
+            return inside(self.path, "checkpoints", "the folder of the checkpoints")
+        except UnsafePathError as error:
+            raise RunError(f"{self.path}: {error}") from error
 
     @property
     def then(self) -> str:
@@ -246,13 +255,13 @@ class RunFolder:
 
         def write(draft: Path) -> None:
             for name, content in files.items():
-                (draft / name).write_bytes(content)
+                (draft / safe_name(name, "the file")).write_bytes(content)
 
         return self.save_by(steps, write)
 
     def checkpoint(self, steps: int) -> Path:
         """Return the folder of the checkpoint after some steps."""
-        return self.path / "checkpoints" / f"step_{steps:012d}"
+        return self._checkpoints / f"step_{steps:012d}"
 
     def save_by(self, steps: int, write: Callable[[Path], None]) -> Path:
         """Write a checkpoint, move it into place atomically, and remove old ones.

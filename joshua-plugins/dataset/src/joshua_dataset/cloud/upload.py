@@ -6,6 +6,8 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from joshua.api.files import UnsafePathError
+
 from joshua_dataset.cloud.copies import (
     INFO_NAME,
     JOBS,
@@ -24,7 +26,7 @@ from joshua_dataset.cloud.ledger import Digest, Ledger, names_of
 from joshua_dataset.cloud.sessions import Sessions
 from joshua_dataset.cloud.store import Outgoing, RemoteFile, Store, Tally, read_back
 from joshua_dataset.metadata import INFO
-from joshua_dataset.reader import Dataset
+from joshua_dataset.reader import Dataset, DatasetError
 
 
 def upload(folder: Path, store: Store, tally: Tally, *, jobs: int = JOBS, replace: bool = False) -> Summary:
@@ -42,7 +44,11 @@ def upload(folder: Path, store: Store, tally: Tally, *, jobs: int = JOBS, replac
     content = (folder / INFO).read_bytes()
     ledger = Ledger(folder)
     store.sessions = Sessions(folder, str(store.address))
-    names = [name for name in names_of(folder) if is_counted(name, dataset.episodes, is_ours(dataset.info))]
+    try:
+        found = list(names_of(folder))
+    except UnsafePathError as error:
+        raise DatasetError(f"{folder} cannot be uploaded: {error}") from error
+    names = [name for name in found if is_counted(name, dataset.episodes, is_ours(dataset.info))]
     if SUMS in names:
         names.remove(SUMS)
     with tempfile.TemporaryDirectory(prefix="joshua-upload-") as scratch:
