@@ -36,8 +36,9 @@ class Commanders:
     The plan names who may command; on an external topic any node may. The first to publish has control until
     it has not published for ``FREE_AFTER_S``. An override takes control at once, a leader arm once it has
     moved, and keeps it: if it stops, the joints hold until ``release`` returns control or the override
-    publishes again. Every other command is refused. Hold ``lock`` from the decision to the action, because
-    commands arrive on several threads.
+    publishes again. Every other command is refused. A command is read after ``permits`` and before
+    ``take_control``, so an invalid one changes nothing. Hold ``lock`` from the decision to the action,
+    because commands arrive on several threads.
 
     Args:
         commanders: those named by the plan; external: topics on which others may publish.
@@ -55,9 +56,11 @@ class Commanders:
         self, commanders: Iterable[Commander], external: Iterable[str], goals: GoalGenerator, log: Any
     ) -> None:
         commanders = tuple(commanders)
-        self._named = {(one.node, one.topic): one.override for one in commanders}
+        self._named = {(named.node, named.topic): named.override for named in commanders}
         self.overrides = frozenset(key for key, override in self._named.items() if override)
-        self._motion_rad = {(one.node, one.topic): one.motion_rad for one in commanders if one.motion_rad}
+        self._motion_rad = {
+            (named.node, named.topic): named.motion_rad for named in commanders if named.motion_rad
+        }
         self._rest: dict[tuple[str, str], tuple[tuple[str, ...], tuple[float, ...]]] = {}
         self._external = frozenset(external)
         self._goals = goals
@@ -68,8 +71,11 @@ class Commanders:
         self.overriding = self.held = False
         self.refused: dict[str, int] = {}
 
-    def admit(self, publisher: str, topic: str, now_ns: int) -> bool:
-        """Whether to execute a command of a node, with the lock held. ``now_ns`` is monotonic."""
+    def permits(self, publisher: str, topic: str, now_ns: int) -> bool:
+        """Whether a node may command at present, with the lock held. ``now_ns`` is monotonic.
+
+        Changes nothing but the number of refused commands.
+        """
         override = self._named.get((publisher, topic))
         if override is None and topic not in self._external:
             return self._refuse(
@@ -82,38 +88,52 @@ class Commanders:
             return False
         if not override and publisher != self.current and now_ns < self._until_ns:
             return self._refuse(publisher, topic, f"{_shown(self.current)} is the commander")
-        if publisher != self.current or self.held or bool(override) != self.overriding:
+        return True
+
+    def take_control(self, publisher: str, topic: str, now_ns: int, lasts_s: float = 0.0) -> None:
+        """Makes a permitted node the commander, with the lock held, because its command is executed.
+
+        Args:
+            publisher: full name of the node; topic: of its command; now_ns: monotonic.
+            lasts_s: time for which the command continues by itself, such as a trajectory.
+        """
+        override = self.is_override(publisher, topic)
+        if publisher != self.current or self.held or override != self.overriding:
             self._goals.approach()
             if override:
                 self._log.warning("%s overrides: commands of other nodes are ignored", _shown(publisher))
-        self.current, self.overriding, self.held = publisher, bool(override), False
+        self.current, self.overriding, self.held = publisher, override, False
         silence_s = OVERRIDE_LOST_AFTER_S if override else FREE_AFTER_S
-        self._until_ns = now_ns + round(silence_s * NS_PER_S)
-        return True
+        self._until_ns = now_ns + round((silence_s + lasts_s) * NS_PER_S)
 
-    def lies_still(self, publisher: str, message: Any, topic: str) -> bool:
-        """Whether a leader that may override has not moved since another got control; the lock is held."""
+    def is_override(self, publisher: str, topic: str) -> bool:
+        """Whether the plan names a node as an override on a topic."""
+        return (publisher, topic) in self.overrides
+
+    def is_at_rest(self, publisher: str, topic: str, message: Any) -> bool:
+        """Whether a leader that may override has not moved since another got control; the lock is held.
+
+        Args:
+            publisher: full name of the node; topic: of its command.
+            message: a JointState that can be executed. The first one becomes the rest position.
+        """
         key = (publisher, topic)
         least_rad = self._motion_rad.get(key, 0.0)
         if not least_rad or (self.overriding and publisher == self.current):
             return False
         names, positions = tuple(message.name), tuple(map(float, message.position))
-        if not all(map(math.isfinite, positions)):
-            return True
-        known, rest = self._rest.setdefault(key, (names, positions))
-        if known != names:
+        rest_names, rest = self._rest.setdefault(key, (names, positions))
+        if rest_names != names:
             self._rest[key] = names, positions
             return True
-        return not any(abs(now - then) > least_rad for now, then in zip(positions, rest, strict=False))
+        moved_rad = (abs(position - start) for position, start in zip(positions, rest, strict=True))
+        # joints that the follower lacks are not checked, so theirs may be NaN or infinite
+        return not any(math.isfinite(distance) and distance > least_rad for distance in moved_rad)
 
     @property
     def releasable(self) -> bool:
         """Whether the override can be released while it publishes: it takes control again by moving only."""
         return self.held or any(node == self.current for node, _ in self._motion_rad)
-
-    def extend(self, duration_s: float) -> None:
-        """Marks the admitted command as self-continuing, such as a trajectory, with the lock held."""
-        self._until_ns += round(duration_s * NS_PER_S)
 
     def watch(self, now_ns: int) -> None:
         """Holds the joints if the override has stopped publishing; call it every 50 ms."""
@@ -209,30 +229,34 @@ class CommandIntake:
         return reader, self._context.subscribe_named(topic, take)
 
     def joint_state(self, reader: CommandReader, message: Any, publisher: str) -> None:
-        """Handles a JointState. One without joints releases the override that sends it."""
+        """Handles a JointState. An empty one releases the override that sends it."""
         now_ns, commanders = time.monotonic_ns(), self._commanders
         with commanders.lock:
-            if not len(message.name) and (publisher, reader.topic) in commanders.overrides:
+            is_empty = not len(message.name) and not len(message.position)
+            if is_empty and commanders.is_override(publisher, reader.topic):
                 if publisher == commanders.current:
                     commanders.release_locked()
                 return
-            if commanders.lies_still(publisher, message, reader.topic):
+            if not commanders.permits(publisher, reader.topic, now_ns):
                 return
-            if not commanders.admit(publisher, reader.topic, now_ns):
+            command = reader.joint_state(message, publisher)
+            if command is None or commanders.is_at_rest(publisher, reader.topic, message):
                 return
-            if (command := reader.joint_state(message, publisher)) is not None:
-                self._goals.command(command, now_ns)
+            commanders.take_control(publisher, reader.topic, now_ns)
+            self._goals.command(command, now_ns)
         self._arrived(now_ns)
 
     def trajectory(self, reader: CommandReader, message: Any, publisher: str) -> None:
         """Handles a JointTrajectory."""
-        now_ns = time.monotonic_ns()
-        with self._commanders.lock:
-            if not self._commanders.admit(publisher, reader.topic, now_ns):
+        now_ns, commanders = time.monotonic_ns(), self._commanders
+        with commanders.lock:
+            if not commanders.permits(publisher, reader.topic, now_ns):
                 return
-            if (trajectory := reader.trajectory(message, publisher)) is not None:
-                self._goals.play(trajectory, now_ns)
-                self._commanders.extend(trajectory.duration_s)
+            trajectory = reader.trajectory(message, publisher)
+            if trajectory is None:
+                return
+            commanders.take_control(publisher, reader.topic, now_ns, trajectory.duration_s)
+            self._goals.play(trajectory, now_ns)
 
 
 def _mapping(context: NodeContext, facts: ActuatorFacts, leader: Commander) -> LeaderMapping:

@@ -59,6 +59,8 @@ class TrajectoryServer:
         self._lock = threading.Lock()
         self._arrived = threading.Event()
         self._position_rad: dict[str, float] = {}
+        states = (item.name for item in node.context.spec.publishers if item.type_name == JOINT_STATE)
+        self._state_topic = next(states, "")
         self._server = ActionServer(node, NAME, ACTION, self._refuse, self._execute)
 
     def _take_state(self, sample: Sample) -> None:
@@ -68,6 +70,9 @@ class TrajectoryServer:
         self._arrived.set()
 
     def _refuse(self, goal: Any) -> str:
+        """Return why a goal is refused; "" if it can be executed, and may then replace a running one."""
+        if not self._state_topic:
+            return f"{self._node.context.spec.full_name} publishes no JointState"
         names, points = list(goal.trajectory.joint_names), list(goal.trajectory.points)
         known = [joint.name for joint in self._node.context.spec.facts_as(ActuatorFacts).joints]
         if len(goal.multi_dof_trajectory.joint_names) or len(goal.multi_dof_trajectory.points):
@@ -88,10 +93,7 @@ class TrajectoryServer:
 
     def _execute(self, goal: Goal) -> tuple[int, dict[str, Any]]:
         """Execute a goal; the joint state is subscribed to only meanwhile."""
-        spec = self._node.context.spec
-        states = next((item.name for item in spec.publishers if item.type_name == JOINT_STATE), "")
-        if not states:
-            return ABORTED, _result(_INVALID_GOAL, f"{spec.full_name} publishes no JointState")
+        states = self._state_topic
         self._arrived.clear()
         qos = QosProfile(reliability="BEST_EFFORT", depth=1)
         subscription = self._node.handle.create_subscription(states, JOINT_STATE, qos, self._take_state)
