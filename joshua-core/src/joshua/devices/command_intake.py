@@ -10,7 +10,7 @@ from typing import Any
 
 from joshua.devices.errors import DeviceError
 from joshua.devices.goal import GoalGenerator
-from joshua.devices.joint_command import CommandReader, LeaderMapping
+from joshua.devices.joint_command import CommandReader, LeaderMapping, shown_publisher
 from joshua.node.cadence import TrafficFigures
 from joshua.node.context import NodeContext
 from joshua.plan import ActuatorFacts, Commander, TopicSpec
@@ -87,7 +87,7 @@ class Commanders:
         if self.overriding and not override:
             return False
         if not override and publisher != self.current and now_ns < self._until_ns:
-            return self._refuse(publisher, topic, f"{_shown(self.current)} is the commander")
+            return self._refuse(publisher, topic, f"{shown_publisher(self.current)} is the commander")
         return True
 
     def take_control(self, publisher: str, topic: str, now_ns: int, lasts_s: float = 0.0) -> None:
@@ -101,7 +101,9 @@ class Commanders:
         if publisher != self.current or self.held or override != self.overriding:
             self._goals.approach()
             if override:
-                self._log.warning("%s overrides: commands of other nodes are ignored", _shown(publisher))
+                self._log.warning(
+                    "%s overrides: commands of other nodes are ignored", shown_publisher(publisher)
+                )
         self.current, self.overriding, self.held = publisher, override, False
         silence_s = OVERRIDE_LOST_AFTER_S if override else FREE_AFTER_S
         self._until_ns = now_ns + round((silence_s + lasts_s) * NS_PER_S)
@@ -144,7 +146,7 @@ class Commanders:
                 self._log.warning(
                     "the override %s stopped publishing: the joints hold their position. Press its release "
                     "button or run `joshua call NODE release_override` to return control",
-                    _shown(self.current),
+                    shown_publisher(self.current),
                 )
 
     def release(self) -> str:
@@ -159,7 +161,7 @@ class Commanders:
         """The same; the lock is held."""
         if not self.overriding:
             return ""
-        name = _shown(self.current)
+        name = shown_publisher(self.current)
         self.current, self.overriding, self.held, self._until_ns = None, False, False, 0
         self._rest.clear()
         self._goals.hold()
@@ -172,10 +174,10 @@ class Commanders:
         parts = []
         if self.overriding:
             state = "stopped publishing: holding" if self.held else "commands"
-            parts.append(f"override {_shown(self.current)} {state}")
+            parts.append(f"override {shown_publisher(self.current)} {state}")
         refused = dict(self.refused)
         if refused:
-            names = ", ".join(map(_shown, list(refused)[:3])) + (", …" if len(refused) > 3 else "")
+            names = ", ".join(map(shown_publisher, list(refused)[:3])) + (", …" if len(refused) > 3 else "")
             parts.append(f"{sum(refused.values())} commands refused from {names}")
         return "; ".join(parts)
 
@@ -184,12 +186,8 @@ class Commanders:
         name = publisher if known else ""
         self.refused[name] = self.refused.get(name, 0) + 1
         if known and self.refused[name] == 1:
-            self._log.warning("%s: commands from %s are refused: %s", topic, _shown(publisher), why)
+            self._log.warning("%s: commands from %s are refused: %s", topic, shown_publisher(publisher), why)
         return False
-
-
-def _shown(publisher: str | None) -> str:
-    return publisher or "a program that is not a ROS 2 node"
 
 
 class CommandIntake:
@@ -219,7 +217,7 @@ class CommandIntake:
             for leader in facts.commanders
             if leader.topic == topic.name and leader.joints is not None
         }
-        reader = CommandReader(topic.name, joints, self._context.log, mappings)
+        reader = CommandReader(topic.name, joints, self._context.log, mappings, self._goals.limits)
         handle = self.joint_state if topic.type_name == JOINT_STATE else self.trajectory
 
         def take(message: Any, received_ns: int, publisher: str) -> None:
