@@ -35,9 +35,12 @@ class Arm:
         self.goals.seed(np.zeros(1))
         self.commanders = Commanders(commanders, external, self.goals, log)
         self.arrived: list[int] = []
+        self.fault = ""
         spec = NodeSpec(name="arm", kind=NodeKind.ACTUATOR, behaviour="", implementation="")
         context = RecordingContext(spec)
-        self.intake = CommandIntake(context, self.goals, self.commanders, self.arrived.append)
+        self.intake = CommandIntake(
+            context, self.goals, self.commanders, self.arrived.append, lambda: self.fault
+        )
         self.readers = {topic: CommandReader(topic, ("a",), log) for topic in ("/command", "/pedal")}
 
     def send(self, publisher: str, rad: float | None, topic: str = "/command") -> None:
@@ -259,6 +262,61 @@ def test_a_leader_with_other_joints_than_before_lies_where_it_is(guided: Arm) ->
     assert guided.commanders.current is None
     guided.intake.joint_state(guided.readers["/command"], joint_state(["a", "b"], [1.0, 1.2]), "/guide")
     assert guided.commanders.current == "/guide"
+
+
+FAULT = "joint_1: 81 °C, at most 70 °C. Run `joshua resume arm` to re-enable torque"
+
+
+def test_commands_in_a_fault_have_no_effect_and_their_publisher_is_named_once_for_each_fault(
+    arm: Arm, caplog: pytest.LogCaptureFixture
+) -> None:
+    arm.send("/leader", 0.01)
+    arm.fault = FAULT
+    for _ in range(3):
+        arm.send("/leader", 0.02)
+        arm.send("/gamepad", 3.0)
+        arm.play("/gamepad", 3.0, 1)
+        arm.step()
+    assert arm.commanders.current == "/leader"
+    assert len(arm.arrived) == 1
+    said = [f"/command: commands from {name} have no effect: {FAULT}" for name in ("/leader", "/gamepad")]
+    assert caplog.messages == said
+    assert arm.commanders.shown == "9 commands without effect from /leader, /gamepad"
+    arm.fault = ""
+    arm.commanders.forget_ignored()
+    assert arm.commanders.shown == ""
+    arm.send("/leader", 0.02)
+    assert len(arm.arrived) == 2
+    arm.fault = FAULT
+    arm.send("/leader", 0.02)
+    assert caplog.messages == [*said, said[0]], "in the next fault again"
+
+
+def test_an_override_that_publishes_through_a_fault_is_not_reported_as_stopped(
+    arm: Arm, caplog: pytest.LogCaptureFixture
+) -> None:
+    arm.send("/gamepad", 1.0)
+    arm.fault = FAULT
+    for _ in range(100):
+        arm.send("/gamepad", 1.0)
+        arm.step()
+    assert not arm.commanders.held
+    assert not any("stopped publishing" in text for text in caplog.messages)
+    arm.step(0.3)
+    assert arm.commanders.held
+    arm.send("/gamepad", 1.0)
+    assert arm.commanders.held, "its command is not executed"
+    arm.fault = ""
+    arm.send("/gamepad", 1.0)
+    assert not arm.commanders.held
+
+
+def test_publishers_without_effect_are_bounded(arm: Arm) -> None:
+    arm = Arm(arm.clock, logging.getLogger(LOG_NAME), (), ("/command",))
+    arm.fault = FAULT
+    for number in range(300):
+        arm.send(f"/stranger{number}", 1.0)
+    assert len(arm.commanders.ignored) == 101
 
 
 def test_a_gamepad_that_publishes_cannot_be_released(arm: Arm) -> None:

@@ -130,6 +130,48 @@ def test_a_trip_leaves_the_node_running_without_torque(start: Any, monkeypatch: 
     assert len(node.context.publishers["~/applied_command"].messages) == written + 1
 
 
+def test_commands_to_an_arm_in_fault_are_named_with_the_remedy(
+    start: Any, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    node = start()
+    trip(node, monkeypatch)
+    for _ in range(3):
+        node.context.receive("/arm/command", joint_state(["joint_1"], [0.2]), "/leader")
+    said = (
+        "/arm/command: commands from /leader have no effect: joint_1: 81 °C, at most 70 °C. "
+        "Run `joshua resume arm` to re-enable torque"
+    )
+    assert caplog.messages.count(said) == 1
+    node.context.tick("diagnostics")
+    assert node.context.shown == "3 commands without effect from /leader"
+    values = {
+        item.key: item.value for item in node.context.publishers["/diagnostics"].messages[-1].status[0].values
+    }
+    assert values["commands_without_effect"] == "3"
+    assert values["publishers_without_effect"] == "/leader"
+    node.node.resume()
+    node.context.tick("diagnostics")
+    assert node.context.shown == ""
+    trip(node, monkeypatch)
+    node.context.receive("/arm/command", joint_state(["joint_1"], [0.2]), "/leader")
+    assert caplog.messages.count(said) == 2, "once in each fault"
+
+
+def test_after_the_e_stop_the_remedy_changes(start: Any, caplog: pytest.LogCaptureFixture) -> None:
+    node = start()
+    node.stop()
+    node.cycle()
+    assert "have no effect: torque off" in caplog.messages[-1]
+    assert caplog.messages[-1].endswith("look at the robot, then joshua estop --release")
+    node.latches.clear(node.latches.all()[0])
+    node.context.tick("safety")
+    node.cycle()
+    assert caplog.messages[-1].endswith(
+        "have no effect: the e-stop is released, but torque is still off. "
+        "Run `joshua resume arm` to re-enable torque"
+    )
+
+
 def test_a_trip_that_the_device_does_not_confirm_fails_the_node(
     start: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -87,8 +87,11 @@ class Arm:
         self.goals.seed(np.zeros(2))
         self.commanders = Commanders(PLAN, ("/free",), self.goals, LOG)
         self.arrived: list[int] = []
+        self.fault = ""
         spec = NodeSpec(name="arm", kind=NodeKind.ACTUATOR, behaviour="", implementation="")
-        self.intake = CommandIntake(RecordingContext(spec), self.goals, self.commanders, self.arrived.append)
+        self.intake = CommandIntake(
+            RecordingContext(spec), self.goals, self.commanders, self.arrived.append, lambda: self.fault
+        )
         ranges = [JointRange(name, -LIMIT_RAD, LIMIT_RAD) for name in JOINTS]
         mappings = {"/leader": LeaderMapping(ranges, ranges)}
         self.readers = {topic: CommandReader(topic, JOINTS, LOG, mappings) for topic in ("/command", "/free")}
@@ -199,6 +202,28 @@ def test_a_refused_message_changes_nothing(
         before = arm.state()
         arm.receive(publisher, message)
         assert arm.state() == before
+
+
+@given(history=histories, publisher=publishers, message=valid_messages())
+def test_a_command_without_effect_changes_neither_commander_nor_goals(
+    history: list[tuple[str, Any]], publisher: str, message: Any
+) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        clock = SteppedTime()
+        patch.setattr(command_intake, "time", clock)
+        arm = Arm(clock)
+        for sender, event in history:
+            if sender:
+                arm.receive(sender, event)
+            else:
+                arm.wait(event)
+        arm.fault = "torque is off"
+        before = arm.state()
+        arm.receive(publisher, message)
+        # its commander still counts as publishing, and a leader's rest position is known
+        irrelevant = {"ignored", "_until_ns", "_rest"}
+        after = arm.state()
+        assert {name for name in before if after[name] != before[name]} <= irrelevant
 
 
 @pytest.mark.parametrize("publisher", sorted(set(PUBLISHERS) - {"stranger"}))

@@ -120,8 +120,14 @@ class ActuatorNode(NodeBehaviour):
         if not self._is_leader:
             facts = self._facts
             self._commanders = Commanders(facts.commanders, facts.external, self._goals, self.context.log)
-            intake = CommandIntake(self.context, self._goals, self._commanders, self._arrivals.arrived)
+            intake = CommandIntake(
+                self.context, self._goals, self._commanders, self._arrivals.arrived, self._ignores_commands
+            )
             self._commands = [intake.subscribe(topic, actuator.joint_names) for topic in spec.subscriptions]
+
+    def _ignores_commands(self) -> str:
+        """Why commands have no effect; "" if they have. On a transport thread."""
+        return "" if self._energised else self._status.fault
 
     def _check_joints(self, before: tuple[str, ...], after: tuple[str, ...]) -> None:
         """Refuses a driver whose joints differ from the plan's, or change when it connects."""
@@ -353,10 +359,14 @@ class ActuatorNode(NodeBehaviour):
         if self._is_commanded and self._safety.latch() is None:
             reason = f"{reason.rstrip('.')}. Run `joshua resume {spec.name}` to {aim}"
         self._status.fault = reason
+        if self._commanders is not None:
+            self._commanders.forget_ignored()
         self.context.fault(reason)
 
     def _leave_fault(self) -> None:
         self._status.fault = ""
+        if self._commanders is not None:
+            self._commanders.forget_ignored()
         self.context.fault("")
 
     def _diagnosed(self, actuator: Actuator) -> list[DiagnosticStatus]:

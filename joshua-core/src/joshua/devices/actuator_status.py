@@ -11,6 +11,7 @@ from joshua.devices.actuator import Actuator, JointReading
 from joshua.devices.command_intake import Commanders
 from joshua.devices.diagnostics import DiagnosticStatus
 from joshua.devices.errors import DeviceSilent
+from joshua.devices.joint_command import shown_publisher
 from joshua.guardian.silence import AwakeClock
 from joshua.plan import NodeSpec
 
@@ -106,8 +107,13 @@ class ActuatorStatus:
         hardware_id = f"{self._spec.plugin} {self._spec.block}"
         summary = self._summary(hardware_id)
         if commanders is not None:
-            refused = sum(commanders.refused.values())
-            values = {"commander": commanders.current or "", "commands_refused": str(refused)}
+            ignored = dict(commanders.ignored)
+            values = {
+                "commander": commanders.current or "",
+                "commands_refused": str(sum(commanders.refused.values())),
+                "commands_without_effect": str(sum(ignored.values())),
+                "publishers_without_effect": ", ".join(map(shown_publisher, ignored)),
+            }
             summary = replace(summary, values={**summary.values, **values})
         return [summary, *(rows or self._joint_rows(actuator.joint_names, hardware_id))]
 

@@ -27,7 +27,7 @@ OVERRIDE_LOST_AFTER_S = 0.2
 FREE_AFTER_S = 0.5
 
 # names come from outside, so the table is bounded
-_MOST_REFUSED = 100
+_MOST_PUBLISHERS = 100
 
 
 class Commanders:
@@ -50,6 +50,7 @@ class Commanders:
         overriding: it is an override; held: the override has stopped publishing.
         overrides: full names and topics of the overrides.
         refused: number of refused commands, by the name of the publisher.
+        ignored: number of valid commands that had no effect since the last fault began, in the same way.
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class Commanders:
         self.current: str | None = None
         self.overriding = self.held = False
         self.refused: dict[str, int] = {}
+        self.ignored: dict[str, int] = {}
 
     def permits(self, publisher: str, topic: str, now_ns: int) -> bool:
         """Whether a node may command at present, with the lock held. ``now_ns`` is monotonic.
@@ -105,7 +107,32 @@ class Commanders:
                     "%s overrides: commands of other nodes are ignored", shown_publisher(publisher)
                 )
         self.current, self.overriding, self.held = publisher, override, False
-        silence_s = OVERRIDE_LOST_AFTER_S if override else FREE_AFTER_S
+        self._await_next(publisher, topic, now_ns, lasts_s)
+
+    def ignore(self, publisher: str, topic: str, now_ns: int, reason: str) -> None:
+        """Counts a valid command that has no effect, and names its publisher once for each fault.
+
+        The lock is held. Nobody takes control, but the commander counts as publishing.
+
+        Args:
+            publisher: full name of the node; topic: of its command; now_ns: monotonic.
+            reason: the fault, and how to end it.
+        """
+        if publisher == self.current and not self.held:
+            self._await_next(publisher, topic, now_ns)
+        if _count(self.ignored, publisher):
+            self._log.warning(
+                "%s: commands from %s have no effect: %s", topic, shown_publisher(publisher), reason
+            )
+
+    def forget_ignored(self) -> None:
+        """Starts to count ignored commands anew, because a fault begins or has ended."""
+        with self.lock:
+            self.ignored.clear()
+
+    def _await_next(self, publisher: str, topic: str, now_ns: int, lasts_s: float = 0.0) -> None:
+        """Sets the time until which the commander counts as publishing."""
+        silence_s = OVERRIDE_LOST_AFTER_S if self.is_override(publisher, topic) else FREE_AFTER_S
         self._until_ns = now_ns + round((silence_s + lasts_s) * NS_PER_S)
 
     def is_override(self, publisher: str, topic: str) -> bool:
@@ -175,19 +202,30 @@ class Commanders:
         if self.overriding:
             state = "stopped publishing: holding" if self.held else "commands"
             parts.append(f"override {shown_publisher(self.current)} {state}")
-        refused = dict(self.refused)
+        ignored, refused = dict(self.ignored), dict(self.refused)
+        if ignored:
+            parts.append(f"{sum(ignored.values())} commands without effect from {_names(ignored)}")
         if refused:
-            names = ", ".join(map(shown_publisher, list(refused)[:3])) + (", …" if len(refused) > 3 else "")
-            parts.append(f"{sum(refused.values())} commands refused from {names}")
+            parts.append(f"{sum(refused.values())} commands refused from {_names(refused)}")
         return "; ".join(parts)
 
     def _refuse(self, publisher: str, topic: str, why: str) -> bool:
-        known = publisher in self.refused or len(self.refused) < _MOST_REFUSED
-        name = publisher if known else ""
-        self.refused[name] = self.refused.get(name, 0) + 1
-        if known and self.refused[name] == 1:
+        if _count(self.refused, publisher):
             self._log.warning("%s: commands from %s are refused: %s", topic, shown_publisher(publisher), why)
         return False
+
+
+def _count(counts: dict[str, int], publisher: str) -> bool:
+    """Counts a command of a publisher in a bounded table. Returns whether it is the publisher's first."""
+    known = publisher in counts or len(counts) < _MOST_PUBLISHERS
+    name = publisher if known else ""
+    counts[name] = counts.get(name, 0) + 1
+    return known and counts[name] == 1
+
+
+def _names(publishers: Iterable[str]) -> str:
+    names = [shown_publisher(publisher) for publisher in publishers]
+    return ", ".join(names[:3]) + (", …" if len(names) > 3 else "")
 
 
 class CommandIntake:
@@ -198,6 +236,7 @@ class CommandIntake:
         goals: get the commands.
         commanders: decide whose commands are executed.
         arrived: called with the monotonic time of each executed joint state.
+        fault: returns why commands have no effect at present, and what ends that; "" if they have.
     """
 
     def __init__(
@@ -206,8 +245,10 @@ class CommandIntake:
         goals: GoalGenerator,
         commanders: Commanders,
         arrived: Callable[[int], None],
+        fault: Callable[[], str],
     ) -> None:
         self._context, self._goals, self._commanders, self._arrived = context, goals, commanders, arrived
+        self._fault = fault
 
     def subscribe(self, topic: TopicSpec, joints: Sequence[str]) -> tuple[CommandReader, TrafficFigures]:
         """Subscribes to a topic; ``joints`` in joint order. Raises DeviceError for an unfit leader."""
@@ -240,6 +281,9 @@ class CommandIntake:
             command = reader.joint_state(message, publisher)
             if command is None or commanders.is_at_rest(publisher, reader.topic, message):
                 return
+            if fault := self._fault():
+                commanders.ignore(publisher, reader.topic, now_ns, fault)
+                return
             commanders.take_control(publisher, reader.topic, now_ns)
             self._goals.command(command, now_ns)
         self._arrived(now_ns)
@@ -252,6 +296,9 @@ class CommandIntake:
                 return
             trajectory = reader.trajectory(message, publisher)
             if trajectory is None:
+                return
+            if fault := self._fault():
+                commanders.ignore(publisher, reader.topic, now_ns, fault)
                 return
             commanders.take_control(publisher, reader.topic, now_ns, trajectory.duration_s)
             self._goals.play(trajectory, now_ns)

@@ -229,9 +229,12 @@ def status_lines(status: RunStatus, screen: Screen = PLAIN) -> list[str]:
 
 def node_cells(node: NodeStatus, *, full_topics: bool = False) -> list[Cell]:
     """A node's state in cells: its name, its text, its progress, and its publish rates."""
+    texts = [node.full_name, *([f"[{node.shown}]"] if node.shown else [])]
+    if node.state == "fault":
+        name, *shown = map(clean, texts)
+        return [Cell(name), state_cell(node), *map(Cell, shown)]
     if node.state != "ready":
         return [Cell(clean(node.full_name)), state_cell(node)]
-    texts = [node.full_name, *([f"[{node.shown}]"] if node.shown else [])]
     texts += [f"[{progress_text(item)}]" for item in node.progress]
     return [*(Cell(clean(text)) for text in texts), *_rate_cells(node, full_topics)]
 
