@@ -13,6 +13,7 @@ from joshua.devices.goal import GoalGenerator
 from joshua.devices.joint_command import CommandReader, LeaderMapping, shown_publisher
 from joshua.node.cadence import TrafficFigures
 from joshua.node.context import NodeContext
+from joshua.node.writers import Writer
 from joshua.plan import ActuatorFacts, Commander, TopicSpec
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -36,7 +37,8 @@ class Commanders:
     The plan names who may command; on an external topic any node may. The first to publish has control until
     it has not published for ``FREE_AFTER_S``. An override takes control at once, a leader arm once it has
     moved, and keeps it: if it stops, the joints hold until ``release`` returns control or the override
-    publishes again. Every other command is refused. A command is read after ``permits`` and before
+    publishes again. Every other command is refused. The commander is a writer, so that it stays the same when
+    the name of its node arrives after its first messages. A command is read after ``permits`` and before
     ``take_control``, so an invalid one changes nothing. Hold ``lock`` from the decision to the action,
     because commands arrive on several threads.
 
@@ -46,7 +48,6 @@ class Commanders:
         log: where refusals and changes of control are reported.
 
     Attributes:
-        current: full name of the commander, None if there is none, "" for one that is not a ROS 2 node.
         overriding: it is an override; held: the override has stopped publishing.
         overrides: full names and topics of the overrides.
         refused: number of refused commands, by the name of the publisher.
@@ -64,65 +65,82 @@ class Commanders:
         }
         self._rest: dict[tuple[str, str], tuple[tuple[str, ...], tuple[float, ...]]] = {}
         self._external = frozenset(external)
+        self._topics_of_named = {named.topic for named in commanders}
         self._goals = goals
         self._log = log
         self._until_ns = 0
         self.lock = threading.Lock()
-        self.current: str | None = None
+        self._current: Writer | None = None
         self.overriding = self.held = False
         self.refused: dict[str, int] = {}
         self.ignored: dict[str, int] = {}
 
-    def permits(self, publisher: str, topic: str, now_ns: int) -> bool:
-        """Whether a node may command at present, with the lock held. ``now_ns`` is monotonic.
+    @property
+    def current(self) -> str | None:
+        """Full name of the commander; "" for one without a known node, None if there is none."""
+        return None if self._current is None else self._current.name
 
-        Changes nothing but the number of refused commands.
+    def is_current(self, writer: Writer) -> bool:
+        """Whether a publisher belongs to the commander."""
+        return writer.same_node(self._current)
+
+    def permits(self, writer: Writer, topic: str, now_ns: int) -> bool:
+        """Whether a publisher may command at present, with the lock held. ``now_ns`` is monotonic.
+
+        Changes nothing but the number of refused commands. A publisher whose name may still arrive has to
+        wait where its name decides: if the plan names commanders of the topic, or if another one commands.
         """
-        override = self._named.get((publisher, topic))
+        if writer.awaits_name and (topic not in self._external or topic in self._topics_of_named):
+            return False
+        override = self._named.get((writer.name, topic))
         if override is None and topic not in self._external:
             return self._refuse(
-                publisher,
+                writer,
                 topic,
                 "the configuration does not name it as a commander. To accept commands from outside the "
                 "file, set external: true on this subscription",
             )
         if self.overriding and not override:
             return False
-        if not override and publisher != self.current and now_ns < self._until_ns:
-            return self._refuse(publisher, topic, f"{shown_publisher(self.current)} is the commander")
+        if not override and not self.is_current(writer) and now_ns < self._until_ns:
+            if writer.awaits_name:
+                return False
+            return self._refuse(writer, topic, f"{shown_publisher(self.current)} is the commander")
         return True
 
-    def take_control(self, publisher: str, topic: str, now_ns: int, lasts_s: float = 0.0) -> None:
-        """Makes a permitted node the commander, with the lock held, because its command is executed.
+    def take_control(self, writer: Writer, topic: str, now_ns: int, lasts_s: float = 0.0) -> None:
+        """Makes a permitted publisher the commander, with the lock held, because its command is executed.
 
         Args:
-            publisher: full name of the node; topic: of its command; now_ns: monotonic.
+            writer: the publisher; topic: of its command; now_ns: monotonic.
             lasts_s: time for which the command continues by itself, such as a trajectory.
         """
-        override = self.is_override(publisher, topic)
-        if publisher != self.current or self.held or override != self.overriding:
+        override = self.is_override(writer, topic)
+        if not self.is_current(writer) or self.held or override != self.overriding:
             self._goals.approach()
             if override:
                 self._log.warning(
-                    "%s overrides: commands of other nodes are ignored", shown_publisher(publisher)
+                    "%s overrides: commands of other nodes are ignored", shown_publisher(writer.name)
                 )
-        self.current, self.overriding, self.held = publisher, override, False
-        self._await_next(publisher, topic, now_ns, lasts_s)
+        self._current, self.overriding, self.held = writer, override, False
+        self._await_next(writer, topic, now_ns, lasts_s)
 
-    def ignore(self, publisher: str, topic: str, now_ns: int, reason: str) -> None:
+    def ignore(self, writer: Writer, topic: str, now_ns: int, reason: str) -> None:
         """Counts a valid command that has no effect, and names its publisher once for each fault.
 
         The lock is held. Nobody takes control, but the commander counts as publishing.
 
         Args:
-            publisher: full name of the node; topic: of its command; now_ns: monotonic.
+            writer: the publisher; topic: of its command; now_ns: monotonic.
             reason: the fault, and how to end it.
         """
-        if publisher == self.current and not self.held:
-            self._await_next(publisher, topic, now_ns)
-        if _count(self.ignored, publisher):
+        if self.is_current(writer) and not self.held:
+            self._await_next(writer, topic, now_ns)
+        if writer.awaits_name:
+            return
+        if _count(self.ignored, writer.name):
             self._log.warning(
-                "%s: commands from %s have no effect: %s", topic, shown_publisher(publisher), reason
+                "%s: commands from %s have no effect: %s", topic, shown_publisher(writer.name), reason
             )
 
     def forget_ignored(self) -> None:
@@ -130,25 +148,25 @@ class Commanders:
         with self.lock:
             self.ignored.clear()
 
-    def _await_next(self, publisher: str, topic: str, now_ns: int, lasts_s: float = 0.0) -> None:
+    def _await_next(self, writer: Writer, topic: str, now_ns: int, lasts_s: float = 0.0) -> None:
         """Sets the time until which the commander counts as publishing."""
-        silence_s = OVERRIDE_LOST_AFTER_S if self.is_override(publisher, topic) else FREE_AFTER_S
+        silence_s = OVERRIDE_LOST_AFTER_S if self.is_override(writer, topic) else FREE_AFTER_S
         self._until_ns = now_ns + round((silence_s + lasts_s) * NS_PER_S)
 
-    def is_override(self, publisher: str, topic: str) -> bool:
-        """Whether the plan names a node as an override on a topic."""
-        return (publisher, topic) in self.overrides
+    def is_override(self, writer: Writer, topic: str) -> bool:
+        """Whether the plan names the node of a publisher as an override on a topic."""
+        return (writer.name, topic) in self.overrides
 
-    def is_at_rest(self, publisher: str, topic: str, message: Any) -> bool:
+    def is_at_rest(self, writer: Writer, topic: str, message: Any) -> bool:
         """Whether a leader that may override has not moved since another got control; the lock is held.
 
         Args:
-            publisher: full name of the node; topic: of its command.
+            writer: the publisher; topic: of its command.
             message: a JointState that can be executed. The first one becomes the rest position.
         """
-        key = (publisher, topic)
+        key = (writer.name, topic)
         least_rad = self._motion_rad.get(key, 0.0)
-        if not least_rad or (self.overriding and publisher == self.current):
+        if not least_rad or (self.overriding and self.is_current(writer)):
             return False
         names, positions = tuple(message.name), tuple(map(float, message.position))
         rest_names, rest = self._rest.setdefault(key, (names, positions))
@@ -189,7 +207,8 @@ class Commanders:
         if not self.overriding:
             return ""
         name = shown_publisher(self.current)
-        self.current, self.overriding, self.held, self._until_ns = None, False, False, 0
+        self._current, self._until_ns = None, 0
+        self.overriding = self.held = False
         self._rest.clear()
         self._goals.hold()
         self._log.warning("the override %s is released: other commanders have control again", name)
@@ -209,9 +228,11 @@ class Commanders:
             parts.append(f"{sum(refused.values())} commands refused from {_names(refused)}")
         return "; ".join(parts)
 
-    def _refuse(self, publisher: str, topic: str, why: str) -> bool:
-        if _count(self.refused, publisher):
-            self._log.warning("%s: commands from %s are refused: %s", topic, shown_publisher(publisher), why)
+    def _refuse(self, writer: Writer, topic: str, why: str) -> bool:
+        if _count(self.refused, writer.name):
+            self._log.warning(
+                "%s: commands from %s are refused: %s", topic, shown_publisher(writer.name), why
+            )
         return False
 
 
@@ -226,6 +247,10 @@ def _count(counts: dict[str, int], publisher: str) -> bool:
 def _names(publishers: Iterable[str]) -> str:
     names = [shown_publisher(publisher) for publisher in publishers]
     return ", ".join(names[:3]) + (", …" if len(names) > 3 else "")
+
+
+def _no_fault() -> str:
+    return ""
 
 
 class CommandIntake:
@@ -245,7 +270,7 @@ class CommandIntake:
         goals: GoalGenerator,
         commanders: Commanders,
         arrived: Callable[[int], None],
-        fault: Callable[[], str],
+        fault: Callable[[], str] = _no_fault,
     ) -> None:
         self._context, self._goals, self._commanders, self._arrived = context, goals, commanders, arrived
         self._fault = fault
@@ -261,47 +286,56 @@ class CommandIntake:
         reader = CommandReader(topic.name, joints, self._context.log, mappings, self._goals.limits)
         handle = self.joint_state if topic.type_name == JOINT_STATE else self.trajectory
 
-        def take(message: Any, received_ns: int, publisher: str) -> None:
+        def take(message: Any, received_ns: int, writer: Writer) -> None:
             del received_ns  # the watchdog needs the monotonic clock
-            handle(reader, message, publisher)
+            handle(reader, message, writer)
 
-        return reader, self._context.subscribe_named(topic, take)
+        return reader, self._context.subscribe_with_writer(topic, take)
 
-    def joint_state(self, reader: CommandReader, message: Any, publisher: str) -> None:
-        """Handles a JointState. An empty one releases the override that sends it."""
-        now_ns, commanders = time.monotonic_ns(), self._commanders
+    def joint_state(self, reader: CommandReader, message: Any, publisher: Writer | str) -> None:
+        """Handles a JointState. An empty one releases the override that sends it.
+
+        Args:
+            reader: of its topic; message: the JointState.
+            publisher: of the message, or the full name of a known node.
+        """
+        now_ns, commanders, writer = time.monotonic_ns(), self._commanders, _writer(publisher)
         with commanders.lock:
             is_empty = not len(message.name) and not len(message.position)
-            if is_empty and commanders.is_override(publisher, reader.topic):
-                if publisher == commanders.current:
+            if is_empty and commanders.is_override(writer, reader.topic):
+                if commanders.is_current(writer):
                     commanders.release_locked()
                 return
-            if not commanders.permits(publisher, reader.topic, now_ns):
+            if not commanders.permits(writer, reader.topic, now_ns):
                 return
-            command = reader.joint_state(message, publisher)
-            if command is None or commanders.is_at_rest(publisher, reader.topic, message):
+            command = reader.joint_state(message, writer.name)
+            if command is None or commanders.is_at_rest(writer, reader.topic, message):
                 return
             if fault := self._fault():
-                commanders.ignore(publisher, reader.topic, now_ns, fault)
+                commanders.ignore(writer, reader.topic, now_ns, fault)
                 return
-            commanders.take_control(publisher, reader.topic, now_ns)
+            commanders.take_control(writer, reader.topic, now_ns)
             self._goals.command(command, now_ns)
         self._arrived(now_ns)
 
-    def trajectory(self, reader: CommandReader, message: Any, publisher: str) -> None:
-        """Handles a JointTrajectory."""
-        now_ns, commanders = time.monotonic_ns(), self._commanders
+    def trajectory(self, reader: CommandReader, message: Any, publisher: Writer | str) -> None:
+        """Handles a JointTrajectory; arguments as for ``joint_state``."""
+        now_ns, commanders, writer = time.monotonic_ns(), self._commanders, _writer(publisher)
         with commanders.lock:
-            if not commanders.permits(publisher, reader.topic, now_ns):
+            if not commanders.permits(writer, reader.topic, now_ns):
                 return
-            trajectory = reader.trajectory(message, publisher)
+            trajectory = reader.trajectory(message, writer.name)
             if trajectory is None:
                 return
             if fault := self._fault():
-                commanders.ignore(publisher, reader.topic, now_ns, fault)
+                commanders.ignore(writer, reader.topic, now_ns, fault)
                 return
-            commanders.take_control(publisher, reader.topic, now_ns, trajectory.duration_s)
+            commanders.take_control(writer, reader.topic, now_ns, trajectory.duration_s)
             self._goals.play(trajectory, now_ns)
+
+
+def _writer(publisher: Writer | str) -> Writer:
+    return Writer.of_node(publisher) if isinstance(publisher, str) else publisher
 
 
 def _mapping(context: NodeContext, facts: ActuatorFacts, leader: Commander) -> LeaderMapping:

@@ -17,7 +17,7 @@ from joshua.ipc.messages import (
 )
 from joshua.node import ros_time
 from joshua.node.cadence import TrafficFigures
-from joshua.node.endpoints import Endpoints, MessageCallback, MessagePublisher, NamedMessageCallback
+from joshua.node.endpoints import Endpoints, MessageCallback, MessagePublisher, WriterMessageCallback
 from joshua.node.timers import Timer, TimerQueue
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.plan.progress import Progress
@@ -91,13 +91,12 @@ class NodeContext:
         """
         return self._declared().subscribe(topic, callback)
 
-    def subscribe_named(self, topic: TopicSpec, callback: NamedMessageCallback) -> TrafficFigures:
-        """Calls ``callback(message, received_ns, publisher)``; otherwise like ``subscribe``.
+    def subscribe_with_writer(self, topic: TopicSpec, callback: WriterMessageCallback) -> TrafficFigures:
+        """Calls ``callback(message, received_ns, writer)``; otherwise like ``subscribe``.
 
-        ``publisher`` is the full name of the publishing node, "" for a program that is not a ROS 2 node.
-        Messages that arrive before the graph knows their publisher are dropped, for one second at most.
+        ``writer`` is the publisher. The name of its node may be unknown at its first messages.
         """
-        return self._declared().subscribe_named(topic, callback)
+        return self._declared().subscribe_with_writer(topic, callback)
 
     def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> Timer:
         """Calls back on the node's thread at a fixed rate on the monotonic clock, without drift.

@@ -13,6 +13,7 @@ from joshua.node.cadence import TrafficFigures
 from joshua.node.context import NodeContext
 from joshua.node.endpoints import MessagePublisher
 from joshua.node.timers import Timer
+from joshua.node.writers import Writer
 from joshua.plan import NodeSpec, TopicSpec
 from joshua.plan.progress import Progress
 
@@ -46,7 +47,7 @@ class RecordingContext(NodeContext):
         self.log = logging.getLogger(f"joshua.testing.{spec.name}")
         self.publishers: dict[str, RecordingPublisher] = {}
         self.subscriptions: dict[str, Callable[[Any, int], None]] = {}
-        self.named_subscriptions: dict[str, Callable[[Any, int, str], None]] = {}
+        self.writer_subscriptions: dict[str, Callable[[Any, int, Writer], None]] = {}
         self._received: dict[str, TrafficFigures] = {}
         self.timers: dict[str, tuple[float, Callable[[], None]]] = {}
         self.warnings: list[str] = []
@@ -68,8 +69,10 @@ class RecordingContext(NodeContext):
         self.subscriptions[topic.name] = callback
         return self._received.setdefault(topic.name, TrafficFigures(topic, is_publisher=False))
 
-    def subscribe_named(self, topic: TopicSpec, callback: Callable[[Any, int, str], None]) -> TrafficFigures:
-        self.named_subscriptions[topic.name] = callback
+    def subscribe_with_writer(
+        self, topic: TopicSpec, callback: Callable[[Any, int, Writer], None]
+    ) -> TrafficFigures:
+        self.writer_subscriptions[topic.name] = callback
         return self._received.setdefault(topic.name, TrafficFigures(topic, is_publisher=False))
 
     def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> Timer:
@@ -138,8 +141,8 @@ class RecordingContext(NodeContext):
     def receive(self, topic: str, message: Any, publisher: str = "") -> None:
         """Deliver a message to a subscription; ``publisher`` is the full name of a node."""
         self._received[topic].add()
-        if topic in self.named_subscriptions:
-            self.named_subscriptions[topic](message, self.now_ns(), publisher)
+        if topic in self.writer_subscriptions:
+            self.writer_subscriptions[topic](message, self.now_ns(), Writer.of_node(publisher))
         else:
             self.subscriptions[topic](message, self.now_ns())
 
