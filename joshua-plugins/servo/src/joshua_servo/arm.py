@@ -40,7 +40,7 @@ from joshua_servo.settings import ServoSettings
 from joshua_servo.state import StateReader
 from joshua_servo.torque import MoveValues, TorqueSwitch
 from joshua_servo.tuning import Tuning
-from joshua_servo.watch import HealthLimits, HealthWatch
+from joshua_servo.watch import MOST_SAMPLES, SAMPLE_PAUSE_S, HealthLimits, HealthWatch
 
 HOLD_S = 0.06  # a servo without a reply delays the hold of the others by at most three requests
 TORQUE_CHECK_S = 0.5  # interval of the torque checks while all replies arrive
@@ -257,12 +257,7 @@ class ServoArm(Actuator):
         self.require_connected("enable")
         with self._lock:
             self.prepare()
-            readings = self._state.settled_feedback()
-            self._watch.reset()
-            if reason := self._watch.trip_reason(readings):
-                raise SafetyTripped(
-                    f"{self._port}: torque stays off: {reason}. Correct it, then enable again."
-                )
+            readings = self._healthy_feedback()
             present = [reading.position for reading in readings]
             self.check_start(present)
             if not self._dry_run:
@@ -271,6 +266,24 @@ class ServoArm(Actuator):
             self._tripped = ""
             self._relaxed = {}
             self._remember(self._map.radians(present).tolist(), present)
+
+    def _healthy_feedback(self) -> list[Feedback]:
+        """Feedback before torque, judged by each protection from as many samples as it needs.
+
+        Raises SafetyTripped if a protection would trip while the arm runs.
+        """
+        self._watch.reset()
+        reason = ""
+        for _ in range(MOST_SAMPLES):
+            readings = self._state.settled_feedback()
+            reason = self._watch.trip_reason(readings)
+            if reason:
+                break
+            if not self._watch.undecided:
+                return readings
+            time.sleep(SAMPLE_PAUSE_S)
+        reason = reason or "the supply voltage leaves its allowed range again and again"
+        raise SafetyTripped(f"{self._port}: torque stays off: {reason}. Remove the cause, then try again.")
 
     @property
     def relaxed(self) -> Mapping[str, str]:
@@ -288,9 +301,7 @@ class ServoArm(Actuator):
         with self._lock:
             ids = [self._ids[index] for index in self._relaxed]
             self._prepare(ids)
-            readings = self._state.settled_feedback()
-            if reason := self._watch.trip_reason(readings):
-                raise SafetyTripped(f"{self._port}: {reason}. Remove the cause, then try again.")
+            readings = self._healthy_feedback()
             present = [reading.position for reading in readings]
             self.check_start(present, tuple(self._relaxed))
             self._torque.switch_on(present, self.move_values(), ids)
