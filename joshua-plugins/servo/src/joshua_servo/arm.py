@@ -89,7 +89,11 @@ class ServoArm(Actuator):
         self._tripped = ""
         self._relaxed: dict[int, str] = {}  # index of the joint, and why it has no torque
         self._under_voltage: set[int] = set()
-        self._grippers = [i for i, joint in enumerate(settings.joint_settings) if joint.gripper]
+        self._relax_alone = [
+            index
+            for index, joint in enumerate(settings.joint_settings)
+            if joint.gripper or settings.are_grippers_unknown
+        ]
         # rad, not rounded, because slow motions are less than a tick per cycle
         self._goal: list[float] = [0.0] * len(self._ids)
         self._goal_ticks, self._written_s = [0] * len(self._ids), 0.0
@@ -183,6 +187,7 @@ class ServoArm(Actuator):
             self._enabled = False
             self._tripped = ""
             self._follow_identity()
+            self._warn_of_unknown_grippers()
 
     def check(self) -> None:
         """Check the motors as at the start and read their limits, without writing. Raises DeviceError."""
@@ -287,7 +292,11 @@ class ServoArm(Actuator):
 
     @property
     def relaxed(self) -> Mapping[str, str]:
-        """Grippers whose torque is off after an overload, and why; the other joints have torque."""
+        """Joints whose torque alone is off after an overload, and why; the others have torque.
+
+        These are grippers. Without a calibration and without ``gripper`` in a joint block it is any joint,
+        because an object that is gripped must not drop the whole arm.
+        """
         return {self.joint_names[index]: reason for index, reason in self._relaxed.items()}
 
     def rejoin(self) -> None:
@@ -453,10 +462,24 @@ class ServoArm(Actuator):
                 "--allow-uncalibrated to drive it about the middle of position_min and position_max."
             )
 
+    def _warn_of_unknown_grippers(self) -> None:
+        """Say what an overload does to an arm that gets torque without a calibration."""
+        facts = self.context.facts
+        is_commanded = bool(facts.commanders or facts.external)
+        if not (facts.allow_uncalibrated and is_commanded and self.settings.are_grippers_unknown):
+            return
+        self.context.log.warning(
+            "%s: the arm is not calibrated, so it is unknown which joint is the gripper. A joint that stalls "
+            "loses its torque alone, and the others keep theirs. Name the gripper in the file, for example "
+            "joint { motor_id: %d gripper: true }, or calibrate the arm",
+            self._port,
+            self._ids[-1],
+        )
+
     def _trip_where_needed(self, readings: Sequence[Feedback]) -> None:
         overloaded = [
             index
-            for index in self._grippers
+            for index in self._relax_alone
             if index not in self._relaxed and self._watch.is_overload_alone(readings[index])
         ]
         reason = self._watch.trip_reason(readings, {*self._relaxed, *overloaded})
@@ -490,7 +513,7 @@ class ServoArm(Actuator):
         self._under_voltage = reporting
 
     def _relax(self, reasons: Mapping[int, str]) -> None:
-        """Disable the torque of grippers. A goal would enable it, so none is written until ``rejoin``."""
+        """Disable the torque of single joints. A goal would enable it: none is written until ``rejoin``."""
         if not reasons:
             return
         self._relaxed.update(reasons)
