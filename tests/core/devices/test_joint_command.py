@@ -299,8 +299,8 @@ def test_a_leader_far_outside_its_range_is_reported(caplog: pytest.LogCaptureFix
         assert command is not None
         assert list(command.position_rad) == [1.5]
     assert caplog.messages == [
-        "/command: the leader /leader reports l at 1.2 rad, its calibrated range is 0 to 1 rad: b stays at "
-        "the end of its own range. Calibrate the leader again"
+        "/command: the leader /leader reports l at 1.2 rad, its range is 0 to 1 rad: b stays at the end "
+        "of its own range. Calibrate the leader again, or widen its position_min and position_max"
     ]
 
 

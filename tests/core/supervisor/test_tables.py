@@ -220,6 +220,17 @@ def test_what_a_node_tells_people_comes_first_in_the_status_line():
     assert line == "running 4 s | /keyboard [driving ON: pan +] | /arm joint_states 50.0 Hz"
 
 
+def test_an_arm_in_fault_names_the_nodes_whose_commands_it_ignores():
+    shown = "5 commands without effect from /leader"
+    nodes = (
+        NodeStatus(
+            "/arm", "fault", 1, 0, shown=shown, reason="too hot", published_hz={"/arm/joint_states": 50.0}
+        ),
+    )
+    (line,) = status_lines(RunStatus("r", "m", "running", 4.0, 1, nodes))
+    assert line == f"running 4 s | /arm fault [{shown}]"
+
+
 def test_the_report_shows_cadence_failures_and_the_reason():
     report = RunReport(
         exit_code=1,

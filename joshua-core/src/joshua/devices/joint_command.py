@@ -251,8 +251,8 @@ class CommandReader:
             )
             return
         self._log.warning(
-            "%s: the leader %s reports %s at %.4g rad, its calibrated range is %.4g to %.4g rad: %s stays at "
-            "the end of its own range. Calibrate the leader again",
+            "%s: the leader %s reports %s at %.4g rad, its range is %.4g to %.4g rad: %s stays at the end of "
+            "its own range. Calibrate the leader again, or widen its position_min and position_max",
             self.topic,
             shown_publisher(publisher),
             column.name,

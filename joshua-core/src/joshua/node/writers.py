@@ -9,7 +9,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import TypeVar
 
 #: The graph may learn of a publisher after its first messages; one that it has not learnt of by then belongs
@@ -21,17 +20,18 @@ _MOST_PUBLISHERS = 1000
 _Value = TypeVar("_Value")
 
 
-@dataclass(frozen=True)
 class Writer:
     """The publisher of a message.
 
-    Attributes:
+    Args:
         gid: id of the publisher, unique in the graph; empty if the message has none.
         look_up: returns the full name of its node, "" for a publisher without a node, None while unknown.
     """
 
-    gid: bytes
-    look_up: Callable[[bytes], str | None] = field(compare=False, repr=False)
+    def __init__(self, gid: bytes, look_up: Callable[[bytes], str | None]) -> None:
+        self.gid = gid
+        self._look_up = look_up
+        self._name = ""
 
     @classmethod
     def of_node(cls, name: str) -> Writer:
@@ -41,12 +41,14 @@ class Writer:
     @property
     def name(self) -> str:
         """Full name of its node; "" if it has none, or while it is unknown."""
-        return self.look_up(self.gid) or ""
+        if not self._name:
+            self._name = self._look_up(self.gid) or ""
+        return self._name
 
     @property
     def awaits_name(self) -> bool:
         """Whether the graph may still learn the name of its node: for one second from its first message."""
-        return self.look_up(self.gid) is None
+        return not self._name and self._look_up(self.gid) is None
 
     def same_node(self, other: Writer | None) -> bool:
         """Whether both are the same publisher, or publishers of one node."""
@@ -70,12 +72,17 @@ class PublisherNames:
         self._look_up = look_up
         self._clock = clock
         self._lock = threading.Lock()
+        self._writers: dict[bytes, Writer] = {}
         self._names: dict[bytes, str] = {}
         self._waiting: dict[bytes, tuple[float, float]] = {}
 
     def writer(self, publisher_gid: bytes) -> Writer:
         """The publisher with an id."""
-        return Writer(publisher_gid, self.name)
+        writer = self._writers.get(publisher_gid)
+        if writer is None:
+            writer = Writer(publisher_gid, self.name)
+            self._remember(self._writers, publisher_gid, writer)
+        return writer
 
     def name(self, publisher_gid: bytes) -> str | None:
         """Full name of the publisher's node, "" for one without a node, None while unknown."""
