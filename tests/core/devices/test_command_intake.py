@@ -6,17 +6,11 @@ import logging
 import math
 from typing import Any
 
-import numpy as np
 import pytest
-from joshua.devices.actuator import JointLimits
-from joshua.devices.command_intake import Commanders, CommandIntake
-from joshua.devices.goal import GoalGenerator, GoalState
-from joshua.devices.joint_command import CommandReader
+from commanded_arm import Arm
+from joshua.devices.goal import GoalState
 from joshua.messages.make import joint_state
-from joshua.messages.typestore import message_class
-from joshua.node.writers import KNOWN_WITHIN_S, PublisherNames, Writer
-from joshua.plan import Commander, NodeKind, NodeSpec
-from joshua.testing.recording_context import RecordingContext
+from joshua.plan import Commander
 from stepped_time import SteppedTime
 
 LOG_NAME = "test_command_intake"
@@ -27,45 +21,6 @@ PLAN = (
 )
 
 
-class Arm:
-    """The commands of one joint on a clock that the test sets."""
-
-    def __init__(self, clock: SteppedTime, log: Any, commanders: Any = PLAN, external: Any = ()) -> None:
-        self.clock = clock
-        self.goals = GoalGenerator(JointLimits(np.full(1, -9.0), np.full(1, 9.0), np.full(1, 50.0)), 0.02)
-        self.goals.seed(np.zeros(1))
-        self.commanders = Commanders(commanders, external, self.goals, log)
-        self.arrived: list[int] = []
-        self.fault = ""
-        spec = NodeSpec(name="arm", kind=NodeKind.ACTUATOR, behaviour="", implementation="")
-        context = RecordingContext(spec)
-        self.intake = CommandIntake(
-            context, self.goals, self.commanders, self.arrived.append, lambda: self.fault
-        )
-        self.readers = {topic: CommandReader(topic, ("a",), log) for topic in ("/command", "/pedal")}
-
-    def send(self, publisher: Writer | str, rad: float | None, topic: str = "/command") -> None:
-        message = joint_state([], []) if rad is None else joint_state(["a"], [rad])
-        self.intake.joint_state(self.readers[topic], message, publisher)
-
-    def play(self, publisher: Writer | str, rad: float, seconds: int) -> None:
-        duration = message_class("builtin_interfaces/msg/Duration")(seconds, 0)
-        point = message_class("trajectory_msgs/msg/JointTrajectoryPoint")(
-            np.array([rad]), np.zeros(0), np.zeros(0), np.zeros(0), duration
-        )
-        header = joint_state([], []).header
-        message = message_class("trajectory_msgs/msg/JointTrajectory")(header, ["a"], [point])
-        self.intake.trajectory(self.readers["/command"], message, publisher)
-
-    def step(self, seconds: float = 0.02) -> float:
-        """The goal after a time in steps of 20 ms, in which the joints are watched."""
-        for _ in range(round(seconds / 0.02)):
-            self.clock.sleep(0.02)
-            self.commanders.watch(self.clock.monotonic_ns())
-            goal = float(self.goals.step(self.clock.monotonic_ns())[0])
-        return goal
-
-
 @pytest.fixture
 def log(caplog: pytest.LogCaptureFixture) -> Any:
     caplog.set_level("INFO")
@@ -74,7 +29,7 @@ def log(caplog: pytest.LogCaptureFixture) -> Any:
 
 @pytest.fixture
 def arm(stepped_time: SteppedTime, log: Any) -> Arm:
-    return Arm(stepped_time, log)
+    return Arm(stepped_time, log, PLAN)
 
 
 def test_the_named_leader_commands(arm: Arm, caplog: pytest.LogCaptureFixture) -> None:
@@ -323,94 +278,3 @@ def test_publishers_without_effect_are_bounded(arm: Arm) -> None:
 def test_a_gamepad_that_publishes_cannot_be_released(arm: Arm) -> None:
     arm.send("/gamepad", 1.0)
     assert not arm.commanders.releasable
-
-
-class LateGraph:
-    """A graph that learns of the nodes of publishers after their first messages."""
-
-    def __init__(self, clock: SteppedTime) -> None:
-        self.known: dict[bytes, str] = {}
-        self._names = PublisherNames(lambda gid: self.known.get(gid, ""), clock.monotonic)
-
-    def writer(self, gid: bytes) -> Writer:
-        return self._names.writer(gid)
-
-
-@pytest.fixture
-def graph(stepped_time: SteppedTime) -> LateGraph:
-    return LateGraph(stepped_time)
-
-
-@pytest.fixture
-def free(stepped_time: SteppedTime, log: Any) -> Arm:
-    """An arm that accepts any node."""
-    return Arm(stepped_time, log, (), ("/command",))
-
-
-@pytest.mark.parametrize("late_s", [0.1, 3 * KNOWN_WITHIN_S])
-def test_a_commander_whose_name_arrives_late_stays_the_commander(
-    free: Arm, graph: LateGraph, late_s: float, caplog: pytest.LogCaptureFixture
-) -> None:
-    free.send(graph.writer(b"t"), 0.01)
-    assert free.commanders.current == ""
-    free.send(graph.writer(b"t"), 0.01)
-    free.step(late_s)
-    free.send(graph.writer(b"t"), 0.01)
-    graph.known = {b"t": "/talker"}
-    free.step(KNOWN_WITHIN_S)
-    for _ in range(10):
-        free.send(graph.writer(b"t"), 0.01)
-        free.step()
-    assert free.commanders.current == "/talker"
-    assert free.commanders.refused == {}
-    assert len(free.arrived) == 13
-    assert caplog.messages == []
-
-
-def test_a_second_publisher_of_the_commander_is_the_commander_once_both_names_are_known(
-    free: Arm, graph: LateGraph
-) -> None:
-    free.send(graph.writer(b"joint states"), 0.01)
-    graph.known = {b"joint states": "/talker", b"trajectories": "/talker"}
-    free.step(0.1)
-    free.play(graph.writer(b"trajectories"), 0.5, 1)
-    assert free.commanders.refused == {}
-    assert free.step(1.2) == pytest.approx(0.5)
-
-
-def test_another_program_is_refused_by_its_name_and_not_before_it_is_known(
-    free: Arm, graph: LateGraph, caplog: pytest.LogCaptureFixture
-) -> None:
-    graph.known = {b"m": "/moveit"}
-    for _ in range(5):
-        free.send(graph.writer(b"m"), 0.01)
-        free.send(graph.writer(b"t"), 3.0)
-        assert free.step() == pytest.approx(0.01)
-    assert free.commanders.refused == {}
-    graph.known[b"t"] = "/talker"
-    free.send(graph.writer(b"t"), 3.0)
-    assert free.commanders.refused == {"/talker": 1}
-    assert caplog.messages == ["/command: commands from /talker are refused: /moveit is the commander"]
-
-
-def test_two_programs_without_a_node_command_one_at_a_time(free: Arm, graph: LateGraph) -> None:
-    free.send(graph.writer(b"a"), 0.0)
-    free.step(0.3)
-    for _ in range(100):
-        free.send(graph.writer(b"a"), 0.01)
-        free.send(graph.writer(b"b"), 3.0)
-        assert free.step() == pytest.approx(0.01)
-    assert set(free.commanders.refused) == {""}
-
-
-def test_where_the_name_decides_a_publisher_waits_for_it(
-    stepped_time: SteppedTime, log: Any, graph: LateGraph
-) -> None:
-    """A leader's positions are mapped by its name, and an override is known by it."""
-    arm = Arm(stepped_time, log, PLAN, ("/command",))
-    arm.send(graph.writer(b"l"), 3.0)
-    assert (arm.commanders.current, arm.arrived, arm.commanders.refused) == (None, [], {})
-    graph.known = {b"l": "/leader"}
-    arm.step(0.1)
-    arm.send(graph.writer(b"l"), 0.01)
-    assert arm.commanders.current == "/leader"

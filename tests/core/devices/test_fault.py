@@ -1,4 +1,7 @@
-"""An actuator's node in fault: after a trip, after an e-stop, and what ends it."""
+"""An actuator's node in fault: after a trip, after an e-stop, and what ends it.
+
+Why one file: its tests share one node and its latches.
+"""
 
 from __future__ import annotations
 

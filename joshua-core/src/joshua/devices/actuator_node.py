@@ -1,4 +1,7 @@
-"""The node of an actuator: publishes its state, executes commands, leaves the joints in their safe state."""
+"""The node of an actuator: publishes its state, executes commands, leaves the joints in their safe state.
+
+Why one file: one class, the life of an actuator from its configuration to its safe state.
+"""
 
 from __future__ import annotations
 
