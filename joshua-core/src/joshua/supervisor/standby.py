@@ -31,6 +31,9 @@ MAX_GUARDIANS = 3
 #: Time until the next attempt after the system has refused another process.
 RETRY_S = 0.05
 
+#: Interval of ``look`` while an order is to be carried out.
+LOOK_S = 0.1
+
 #: Beyond the descriptors of a fork server.
 LAST_DESCRIPTOR = 1024
 
@@ -95,22 +98,20 @@ class Standby:
                     self._replace(kept)
 
     def pause_s(self) -> float | None:
-        """Time until ``look`` has something to do, None for never."""
-        until_s = min((kept.until_s for kept in self._kept.values()), default=math.inf)
-        return None if until_s == math.inf else max(0.0, until_s - time.monotonic())
+        """Time until the next ``look``, None for never."""
+        return LOOK_S if self.busy else None
 
     def look(self) -> None:
-        """Kills guardians that do not end, which replaces them, and forks those that could not be forked."""
+        """Kills stopped guardians and those that do not end, and forks those that could not be forked."""
         now_s = time.monotonic()
-        for kept in self._kept.values():
-            if kept.until_s > now_s:
+        for kept in tuple(self._kept.values()):
+            if not kept.driver_ended:
                 continue
-            if kept.guardian_id:
-                kept.until_s = math.inf
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(kept.guardian_id, signal.SIGKILL)
-            else:
-                self._replace(kept)
+            if not kept.guardian_id:
+                if now_s >= kept.until_s:
+                    self._replace(kept)
+            elif now_s >= kept.until_s or _is_stopped(kept.guardian_id):
+                os.kill(kept.guardian_id, signal.SIGKILL)  # its end replaces it; it is not reaped yet
 
     def close(self) -> None:
         """Closes the sockets. Idempotent."""
@@ -156,6 +157,7 @@ class Standby:
                 if not _is_child(kept.guardian_id):
                     kept.guardian_id = 0
                     self._replace(kept)
+        self.look()
 
     def _replace(self, kept: _Kept) -> None:
         """Forks a guardian if no other process can carry the order out."""
@@ -190,6 +192,12 @@ def _is_child(process_id: int) -> bool:
     except ChildProcessError:
         return False
     return True
+
+
+def _is_stopped(process_id: int) -> bool:
+    """Whether a child was stopped by a signal."""
+    state = os.waitid(os.P_PID, process_id, os.WEXITED | os.WSTOPPED | os.WNOHANG | os.WNOWAIT)
+    return state is not None and state.si_code == os.CLD_STOPPED
 
 
 def _become_guardian(kept: _Kept) -> NoReturn:
