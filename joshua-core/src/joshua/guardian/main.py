@@ -17,6 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from joshua.guardian.action import Action, ActionProcess
 from joshua.guardian.latch import EstopFiles, EstopReport, Latch, LatchFolder, Subject
 from joshua.guardian.order import (
     ARMED,
@@ -36,10 +37,6 @@ from joshua.guardian.silence import WATCHER_LOOK_S, AwakeClock, SilenceJudge, th
 from joshua.ipc.client import ask
 from joshua.ipc.process_attributes import prefer_this_process, set_title
 from joshua.ipc.run_bases import socket_address
-
-Action = Callable[[dict[str, Any]], dict[str, Any]]
-
-_POLL_S = 0.02
 
 #: Time to wait for the end of a killed process, which a device call may delay in the kernel.
 END_TIMEOUT_S = 1.0
@@ -62,62 +59,6 @@ ESTOP_PATIENCE_S = 0.3
 
 #: Longest pause of the guardian's loop, which checks for an e-stop and for a hang.
 LOOK_S = 0.06
-
-
-def run_bounded(
-    action: Action, request: dict[str, Any], limit_s: float, abort: Callable[[], bool]
-) -> dict[str, Any] | None:
-    """Runs an action in a fork of this process, which must have no threads.
-
-    Args:
-        limit_s: time after which the action is killed.
-        abort: polled; the action is killed when it returns true.
-
-    Returns:
-        The report of the action, one with ``complete`` false if it failed, or None if it was aborted.
-    """
-    reader, writer = os.pipe()
-    child = os.fork()
-    if child == 0:
-        _act(action, request, writer)
-    os.close(writer)
-    deadline_s = time.monotonic() + limit_s
-    data = b""
-    try:
-        while True:
-            if select.select([reader], [], [], _POLL_S)[0]:
-                part = os.read(reader, 65536)
-                if not part:
-                    return dict(json.loads(data))
-                data += part
-            elif time.monotonic() > deadline_s:
-                return _failed(f"the safe-stop action did not return within {limit_s:g} s")
-            elif abort():
-                return None
-    except ValueError:
-        return _failed("the safe-stop action ended its process without a report")
-    finally:
-        os.close(reader)
-        os.kill(child, signal.SIGKILL)  # not reaped yet, so the process id is still valid
-        os.waitpid(child, 0)
-
-
-def _act(action: Action, request: dict[str, Any], writer: int) -> None:
-    """Body of the fork. Never returns. It completes the action even if its guardian is killed."""
-    try:
-        try:
-            report = dict(action(request))
-        except Exception as error:  # noqa: BLE001 (a plugin's code; the report must be sent)
-            report = _failed(f"the safe-stop action failed: {error!r}")
-        data = json.dumps(report).encode()
-        while data:
-            data = data[os.write(writer, data) :]
-    finally:
-        os._exit(0)
-
-
-def _failed(detail: str) -> dict[str, Any]:
-    return {"complete": False, "detail": detail}
 
 
 class DriverProcess:
@@ -161,8 +102,20 @@ class SafetyOrder:
         self.release_only = False
         self._order = order
         self._action = action
+        self._prepared: ActionProcess | None = None
         self._latches = LatchFolder(Path(order.latch_folder)) if order.latch_folder else None
         self._subject = Subject(order.robot, order.domain_id, order.node)
+
+    def prepare(self, *foreign: int) -> None:
+        """Makes a process for the action in advance, without these descriptors of this one."""
+        self._prepared = ActionProcess(self._action, foreign)
+        self._prepared.await_ready()
+
+    def close(self) -> None:
+        """Ends the process that was made in advance. Idempotent."""
+        prepared, self._prepared = self._prepared, None
+        if prepared is not None:
+            prepared.close()
 
     def act(self, reason: str) -> dict[str, Any]:
         """Applies the safe state and returns the report."""
@@ -171,11 +124,11 @@ class SafetyOrder:
         order = self._order
         report = None
         if not self.release_only and self.latch() is None:
-            report = run_bounded(self._action, order.request, limit_s, lambda: self.latch() is not None)
+            report = self._run(order.request, limit_s, lambda: self.latch() is not None)
         latch = self.latch()
         if report is None or latch is not None:
             request = order.release_request or order.request
-            report = run_bounded(self._action, request, limit_s, lambda: False) or {}
+            report = self._run(request, limit_s, lambda: False) or {}
         if latch is not None:
             complete = bool(report.get("complete"))
             joints = {str(joint): str(state) for joint, state in dict(report.get("joints", {})).items()}
@@ -184,6 +137,17 @@ class SafetyOrder:
                 EstopReport(latch.identifier, order.node, "guardian", complete, complete, joints, detail)
             )
         return {"reason": reason, "action_s": round(time.monotonic() - began_s, 4), **report}
+
+    def _run(
+        self, request: dict[str, Any], limit_s: float, abort: Callable[[], bool]
+    ) -> dict[str, Any] | None:
+        prepared, self._prepared = self._prepared, None
+        if prepared is not None:
+            try:
+                return prepared.run(request, limit_s, abort)
+            except BrokenPipeError:  # it was killed
+                prepared.close()
+        return ActionProcess(self._action).run(request, limit_s, abort)
 
     def latch(self) -> Latch | None:
         """The latched e-stop, if any."""
@@ -231,6 +195,13 @@ class Guardian:
 
     def run(self) -> int:
         """Guards until there is nothing left to do and returns the exit code."""
+        self._safety.prepare(self._socket.fileno())
+        try:
+            return self._guard()
+        finally:
+            self._safety.close()
+
+    def _guard(self) -> int:
         self._socket.sendall(READY)
         reason = self._watch()
         if not reason:
