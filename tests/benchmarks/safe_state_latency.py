@@ -1,12 +1,13 @@
 """From an event to the first byte of the safe state at the wire, measured at the emulator.
 
-Each round runs the teleoperation preset on two emulated arms whose follower releases, causes one event, and takes
-the emulator's own time of the first write that turns torque off. All processes share the monotonic clock. The
-figures are ratios to the goal of each event, and to a safe stop of an arm that nobody drives.
+Each round runs the teleoperation preset on two emulated arms, causes one event, and takes the emulator's time
+of the first write that only the safe state makes: torque off, or for an arm that holds, the torque limit of
+its gripper, which a hold lowers together with the goals. All processes share the monotonic clock. The figures
+are ratios to the goal of each event, and to a safe stop of an arm that nobody drives.
 
 Root drops to a user without rights of its own and without real-time priority, because a robot runs as such a
-user. `--stress` measures beside `stress-ng --cpu 4`, with three times the time allowed, and counts the faults of
-a run that nothing happens to.
+user. `--stress` measures beside `stress-ng --cpu 4`, with three times the time allowed, and counts the faults
+of a run that nothing happens to.
 Run: python tests/benchmarks/safe_state_latency.py [--rounds N] [--stress] [--events driver,estop]
 """
 
@@ -36,8 +37,10 @@ from joshua.devices.calibration import ArmCalibration
 from joshua.guardian.order import HANG_LIMIT_S
 from joshua.tools import CallError, RunningSystem
 from joshua_emulator import EmulatedBus
+from joshua_servo.register import Register
 from joshua_sts3215.actuator import Sts3215Actuator
 from joshua_sts3215.family import STS3215
+from joshua_sts3215.registers import TORQUE_LIMIT
 from joshua_sts3215.safe_stop import Sts3215StopRequest
 from joshua_sts3215.settings import Sts3215Settings
 from processes import descendants_of, is_guardian, parent_of
@@ -45,6 +48,7 @@ from processes import descendants_of, is_guardian, parent_of
 #: Goals for the median on a quiet machine.
 GOALS_S = {
     "driver": 0.010,
+    "driver-hold": 0.010,
     "supervisor": 0.040,
     "guardian+driver": 0.300,
     "hang": HANG_LIMIT_S + 0.100,
@@ -52,6 +56,7 @@ GOALS_S = {
 }
 TITLES = {
     "driver": "driver killed",
+    "driver-hold": "driver killed, HOLD",
     "supervisor": "supervisor killed",
     "guardian+driver": "guardian and driver killed",
     "hang": "driver stopped (hang)",
@@ -59,9 +64,10 @@ TITLES = {
 }
 
 STRESS_FACTOR = 3.0
+STRESS_START_S = 1.0
+BUSY_LOOP = [sys.executable, "-c", "while True: pass"]
 QUIET_RUN_S = 20.0
-TORQUE_ADDRESS = f"{STS3215.torque_enable.address:02x}"
-RELEASE = ("robot.actions[1].safe_state=RELEASE",)
+SAFE_STATE = "robot.actions[1].safe_state={}"
 USER = 65534
 
 
@@ -122,9 +128,12 @@ def stress(wanted: bool) -> Iterator[str]:
         yield "no load beside it"
         return
     name = shutil.which("stress-ng")
-    words = [name, "--cpu", "4", "--quiet"] if name else [sys.executable, "-c", "while True: pass"]
+    words = [name, "--cpu", "4", "--quiet", "--temp-path", tempfile.gettempdir()] if name else BUSY_LOOP
     loads = [subprocess.Popen(words, start_new_session=True) for _ in range(1 if name else 4)]
     try:
+        time.sleep(STRESS_START_S)
+        if any(load.poll() is not None for load in loads):
+            sys.exit(f"{words[0]} has ended, so there is no load to measure beside")
         yield "beside stress-ng --cpu 4" if name else "beside four busy loops"
     finally:
         for load in loads:
@@ -133,13 +142,15 @@ def stress(wanted: bool) -> Iterator[str]:
 
 
 @contextlib.contextmanager
-def running(domain_id: int) -> Iterator[Rig]:
+def running(domain_id: int, safe_state: str = "RELEASE") -> Iterator[Rig]:
     """Runs the teleoperation until its follower has torque and every node is ready."""
     with (
         tempfile.TemporaryDirectory() as name,
         EmulatedBus(arm="so_arm100", calibrated=True, identity="LEADER") as leader,
         EmulatedBus(arm="so_arm100", calibrated=True, identity="FOLLOWER") as follower,
-        teleoperation(leader, follower, Path(name), domain_id, overrides=RELEASE) as process,
+        teleoperation(
+            leader, follower, Path(name), domain_id, overrides=(SAFE_STATE.format(safe_state),)
+        ) as process,
     ):
         folder = Path(name)
         await_torque(process, follower)
@@ -177,20 +188,22 @@ def is_ready(folder: Path) -> bool:
     return False
 
 
-def seconds_to_release(follower: EmulatedBus, since: int, begun_ns: int) -> float:
-    """Waits for the first write of torque off after an event. Returns the seconds between both."""
+def seconds_to_write(follower: EmulatedBus, since: int, begun_ns: int, register: Register) -> float:
+    """Waits for the first write of a register after an event. Returns the seconds between both."""
     while True:
         for entry in follower.log("write", "sync_write", since=since):
-            if entry["t_ns"] >= begun_ns and entry["parameters"].startswith(TORQUE_ADDRESS):
+            if entry["t_ns"] >= begun_ns and entry["parameters"].startswith(f"{register.address:02x}"):
                 return float(entry["t_ns"] - begun_ns) / 1e9
         time.sleep(0.02)
 
 
 def one_round(event: str, domain_id: int) -> float:
     """Seconds from an event to the first byte of the safe state."""
-    with running(domain_id) as rig:
+    holds = event == "driver-hold"
+    with running(domain_id, "HOLD" if holds else "RELEASE") as rig:
         time.sleep(random.uniform(0.4, 0.6))  # at every place of the loops' own rhythm
         targets = {
+            "driver-hold": [rig.driver],
             "driver": [rig.driver],
             "hang": [rig.driver],
             "supervisor": [rig.process.pid],
@@ -201,11 +214,12 @@ def one_round(event: str, domain_id: int) -> float:
         begun_ns = time.monotonic_ns()
         for process_id in targets[event]:
             os.kill(process_id, number)
-        return seconds_to_release(rig.follower, since, begun_ns)
+        register = TORQUE_LIMIT if holds else STS3215.torque_enable
+        return seconds_to_write(rig.follower, since, begun_ns, register)
 
 
 def estops(rounds: int, domain_id: int) -> list[float]:
-    """Seconds from the start of each `joshua estop` to the first byte, in one run that is resumed each time."""
+    """Seconds from the start of each `joshua estop` to the first byte, in one run."""
     times = []
     with running(domain_id) as rig:
         for _ in range(rounds):
@@ -213,7 +227,7 @@ def estops(rounds: int, domain_id: int) -> list[float]:
             since = rig.follower.log()[-1]["sequence"]
             begun_ns = time.monotonic_ns()
             command = rig.joshua("estop")
-            times.append(seconds_to_release(rig.follower, since, begun_ns))
+            times.append(seconds_to_write(rig.follower, since, begun_ns, STS3215.torque_enable))
             command.communicate()
             rig.joshua("estop", "--release").communicate()
             while not resumed(rig):
@@ -249,10 +263,11 @@ def baseline_s() -> float:
         driver.disconnect()
         since = arm.log()[-1]["sequence"]
         begun_ns = time.monotonic_ns()
-        report = Sts3215StopRequest("RELEASE", ids, path=arm.port, device_root=str(arm.root)).run()
+        request = Sts3215StopRequest("RELEASE", ids, path=arm.port, device_root=str(arm.root), echo=False)
+        report = request.run()
         if not report.complete:
             raise RuntimeError(report.detail)
-        return seconds_to_release(arm, since, begun_ns)
+        return seconds_to_write(arm, since, begun_ns, STS3215.torque_enable)
 
 
 def false_faults(domain_id: int, duration_s: float) -> list[str]:
@@ -288,8 +303,9 @@ def show(title: str, times_s: list[float], bare_s: float, goal_s: float) -> None
     """Prints one line."""
     median_s = statistics.median(times_s)
     print(
-        f"{title:27} min {min(times_s) * 1e3:7.1f}  median {median_s * 1e3:7.1f}  max {max(times_s) * 1e3:7.1f} ms; "
-        f"median {median_s / goal_s:5.2f} × goal ({goal_s * 1e3:.0f} ms), {median_s / bare_s:6.1f} × baseline",
+        f"{title:27} min {min(times_s) * 1e3:7.1f}  median {median_s * 1e3:7.1f}  "
+        f"max {max(times_s) * 1e3:7.1f} ms; median {median_s / goal_s:5.2f} × goal ({goal_s * 1e3:.0f} ms), "
+        f"{median_s / bare_s:6.1f} × baseline",
         flush=True,
     )
 
