@@ -10,6 +10,7 @@ from typing import Any
 
 from joshua.devices.actuator import Actuator
 from joshua.devices.errors import DeviceError
+from joshua.guardian import standby
 from joshua.guardian.latch import EstopFiles, EstopReport, Latch, LatchFolder, Subject
 from joshua.guardian.link import GuardianError, GuardianLink
 from joshua.guardian.order import HANG_LIMIT_S, GuardianOrder
@@ -142,6 +143,8 @@ class ActuatorSafety:
         self.in_doubt = False
         if link is not None:  # its end takes longer than the hang limit of a control loop
             threading.Thread(target=link.done, name="guardian's end", daemon=True).start()
+        else:
+            standby.forget(self._node)
 
     def before_torque_off(self) -> None:
         """Announces that the driver switches the torque off. If that fails, the guardian does it.
@@ -158,6 +161,8 @@ class ActuatorSafety:
         """Ends the guardian, or lets it act if the driver could not. Raises DeviceError if that fails."""
         link, self._link = self._link, None
         if link is None:
+            if self._applied:  # without its guardian, which was gone
+                standby.forget(self._node)
             return
         if self._applied == RELEASE or (self._applied and self.latch() is None):
             link.done()

@@ -439,6 +439,7 @@ class ServoArm(Actuator):
             eeprom=self._tuning.before,
             grips=self._grips.stops,
             torque_limit=self._grips.limit_register,
+            echo=self._bus.echoes if self.connected else None,
             timeout_s=timeout_s,
         )
 

@@ -284,6 +284,15 @@ class ServoBus(ABC):
         found = self.ask(servo_id, self.read_request(servo_id, address, length), length)
         return found is None and self.counters.corrupt > corrupt
 
+    @property
+    def echoes(self) -> bool:
+        """Whether the adapter echoes sent bytes, as detected or set."""
+        return bool(self._echo)
+
+    @echoes.setter
+    def echoes(self, echoes: bool) -> None:
+        self._echo = int(echoes)
+
     def detect_echo(self) -> None:
         """Detect whether the adapter echoes sent bytes, with an instruction that no servo answers.
 
