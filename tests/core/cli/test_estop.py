@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -273,12 +274,31 @@ def test_resume_names_what_there_is(shell: Shell) -> None:
     assert "there is nothing to resume" in healthy.stdout
 
 
-def test_a_run_that_cannot_be_latched_says_to_cut_the_supply(shell: Shell) -> None:
+def test_a_run_that_cannot_be_latched_is_told_over_its_socket(shell: Shell) -> None:
     shell.start("desk")
+    shutil.rmtree(shell.latches.path)
     shell.latches.path.write_text("in the way")
     result = shell.joshua("estop")
-    assert result.returncode == 4
-    assert "Cut the power of the robot by hand" in result.stderr
+    assert result.returncode == 0, result.stderr
+    rows = [line.split(maxsplit=1) for line in result.stdout.splitlines()]
+    assert ["/desk_arm", "off     read back from 2 joints by its driver"] in rows
+    assert any(row[0] == "latch" and row[1].startswith(f"not set in {shell.latches.path}: ") for row in rows)
+    assert ["device", "not needed"] in [[row[0], row[-1].strip()] for row in rows]
+    assert "Torque stays off until you run: joshua estop --release" in result.stdout
+    shell.await_states(desk_arm="fault")
+    refused = shell.joshua("resume", "desk_arm")
+    assert refused.returncode == 4
+    assert "the e-stop of desk is latched since" in refused.stderr
+    released = shell.joshua("estop", "--release")
+    assert released.returncode == 0, released.stderr
+    assert "released: " in released.stdout
+    again = shell.joshua("estop", "--release")
+    assert again.stdout == "no e-stop is latched\n"
+    refused = shell.joshua("resume", "desk_arm")
+    assert refused.returncode == 4
+    assert "an e-stop might not be possible" in refused.stderr
+    shell.latches.path.unlink()
+    assert shell.joshua("resume", "desk_arm").returncode == 0
 
 
 def test_a_run_of_another_environment_is_stopped_and_released_too(

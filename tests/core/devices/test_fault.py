@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from joshua.devices.actuator_node import ActuatorNode
 from joshua.devices.errors import DeviceDisconnected, DeviceError, DeviceSilent, SafetyTripped
-from joshua.guardian.latch import EstopFiles, LatchFolder
+from joshua.guardian.latch import EstopFiles, EstopOrder, LatchFolder
 from joshua.messages.make import joint_state
 from joshua.node.verbs import RefusedError
 from joshua.plan import ActuatorFacts, NodeKind, NodeSpec, RunFacts, TopicSpec
@@ -366,7 +366,9 @@ def test_a_device_that_is_gone_is_not_waited_for(start: Any, monkeypatch: pytest
 def test_a_driver_that_is_started_again_is_told_how_the_device_was_reached(
     start: Any, tmp_path: Path
 ) -> None:
-    EstopFiles(str(tmp_path / "files")).leave_order("/arm", "module:stop", {"serial_number": "A1"})
+    EstopFiles(str(tmp_path / "files")).leave_order(
+        "/arm", EstopOrder("module:stop", {"serial_number": "A1"})
+    )
     assert start().arm.context.remembered == {}
     assert start(restarted=True).arm.context.remembered == {"serial_number": "A1"}
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from joshua.guardian.latch import EstopFiles, EstopReport, LatchFolder, Subject
+from joshua.guardian.latch import EstopFiles, EstopOrder, EstopReport, LatchFolder, Subject
 
 ARM = Subject("desk", 5, "/arm")
 
@@ -65,11 +65,13 @@ def test_reports_of_another_estop_do_not_count(tmp_path: Path) -> None:
 def test_orders_are_found_again(tmp_path: Path) -> None:
     files = EstopFiles(str(tmp_path / "estop"))
     assert files.read_order("/arm") is None
-    files.leave_order("/arm", "acme.arm:stop", {"ids": [1]})
-    assert files.read_order("/arm") == ("acme.arm:stop", {"ids": [1]})
+    order = EstopOrder("acme.arm:stop", {"ids": [1]}, [{"process_id": 7}])
+    files.leave_order("/arm", order)
+    assert files.read_order("/arm") == order
+    assert files.read_report("/arm", "1") is None
 
 
 def test_a_run_without_directory_writes_nothing() -> None:
     files = EstopFiles("")
-    files.leave_order("/arm", "acme.arm:stop", {})
+    files.leave_order("/arm", EstopOrder("acme.arm:stop", {}))
     assert files.read_order("/arm") is None
