@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import shutil
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 from guarded_arm import HOLD, Rig, running
 from joshua.guardian.latch import latch_folder
+from processes import descendants_of, is_guardian
 from small_disk import SmallDisk, small_disk
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes in /proc")
@@ -126,13 +127,20 @@ def test_a_folder_that_has_vanished(disk: SmallDisk, joshua_domain_id: int, lost
         assert rig.joshua("estop", "--release").returncode == 0
         resumed = rig.joshua("resume", "follower_arm")
         assert resumed.returncode == 0, resumed.stderr
+        everything_stops(rig, [number for number in descendants_of(rig.driver) if is_guardian(number)])
+        said = estop(rig)
+        assert said["/follower_arm"] == "off     read back from 6 joints by this command"
+        os.kill(rig.fork_server, signal.SIGCONT)
+        os.kill(rig.process.pid, signal.SIGCONT)
+        rig.wait(rig.is_ready)
         shutil.rmtree(disk.path / "run" / lost)
         rig.wait(lambda: rig.joshua("stop").stdout.startswith("stopped "))
         rig.process.wait(60)
 
 
-def everything_stops(rig: Rig) -> None:
-    for process in (rig.process.pid, rig.fork_server, rig.driver, rig.guardian):
+def everything_stops(rig: Rig, guardians: Sequence[int] = ()) -> None:
+    """Stops every process of the run that could act on the follower."""
+    for process in (rig.process.pid, rig.fork_server, rig.driver, *(guardians or [rig.guardian])):
         os.kill(process, signal.SIGSTOP)
 
 

@@ -205,9 +205,9 @@ class EstopTarget(RunningSystem):
         Args:
             held_only: there is no file, so the run need not log the release of one.
         """
-        request = {"request": "estop", "latch": None, "held_only": held_only, "process_id": os.getpid()}
+        request = {"request": "estop", "released": True, "held_only": held_only, "process_id": os.getpid()}
         try:
-            return bool(self.request(request, SUPERVISOR_TIMEOUT_S).get("released"))
+            return bool(self.request(request, SUPERVISOR_TIMEOUT_S).get("held"))
         except CallError:
             return False  # it reads the file, if there was one
 

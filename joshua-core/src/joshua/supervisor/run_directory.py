@@ -255,25 +255,26 @@ class RunPlace:
         self._directory = directory
         self._handlers = handlers
         self._server: ControlServer | None = None
-        self._lost = False
+        self._lost = self._unserved = False
         self._serve()
 
     def look(self) -> None:
-        """Creates the place again if it is gone. Takes two file checks."""
+        """Creates the place again if a part of it is gone. Takes three file checks."""
         try:
-            if not self._directory.restore():
-                return
+            restored = self._directory.restore()
         except (NodesInUseError, RunDirectoryError) as error:
             if not self._lost:
                 self._lost = True
                 text = f"its directory was removed, so joshua estop and stop do not find this run: {error}"
                 self._logbook.write(logging.ERROR, text)
             return
-        self._lost = False
-        self._serve()
-        self._logbook.write(
-            logging.WARNING, "the directory of this run was removed and has been created again"
-        )
+        if restored or not os.path.exists(self._directory.socket_path):  # noqa: PTH110 (raises nothing)
+            self._serve()
+        if restored:
+            self._lost = False
+            self._logbook.write(
+                logging.WARNING, "the directory of this run was removed and has been created again"
+            )
 
     def close(self) -> None:
         """Removes the directory. Idempotent."""
@@ -289,5 +290,9 @@ class RunPlace:
         try:
             self._server = ControlServer(self._reactor, self._directory.socket_path, self._handlers)
         except OSError as error:
-            text = f"no control socket, so no `joshua status`: {error}"
-            self._logbook.write(logging.WARNING, text)
+            if not self._unserved:  # the next look tries again
+                self._unserved = True
+                text = f"no control socket, so no `joshua status`: {error}"
+                self._logbook.write(logging.WARNING, text)
+        else:
+            self._unserved = False

@@ -131,32 +131,40 @@ class RunRequests:
         return {"written": True}
 
     def _estop(self, request: Request, client: Connection) -> dict[str, Any]:
-        """Passes an e-stop on to the nodes, and their reports to the client.
+        """Passes an e-stop, or its release, on to the nodes, and their reports to the client.
 
         Drivers and guardians read the latch themselves. They act earlier if they are told, and they must be
         told if the latch could not be stored.
         """
+        if request.get("released") is True:
+            return self._release_estop(request)
         latch, stored = request.get("latch"), request.get("stored") is not False
         try:
             if latch is not None:
                 latch_of(latch)
         except (TypeError, KeyError) as error:
             return _error("invalid", f"latch is {latch!r}, which is no e-stop: {error}")
-        held, self._held_estop = self._held_estop, None
-        if held is None and request.get("held_only"):
-            return {"noted": True, "released": False}
         message = ipc.Estop(latch=latch, stored=stored)
-        if latch is not None and not stored:
-            self._held_estop = message
+        self._held_estop = None if latch is None or stored else message
+        self._tell_all(message)
+        self._logbook.write(logging.CRITICAL, f"the e-stop is latched by process {request.get('process_id')}")
+        self._estop_clients = [item for item in self._estop_clients if not item.closed]
+        self._estop_clients.append(client)
+        return {"noted": True}
+
+    def _release_estop(self, request: Request) -> dict[str, Any]:
+        """Ends an e-stop; with ``held_only`` only one that is no file."""
+        held, self._held_estop = self._held_estop, None
+        if held is not None or not request.get("held_only"):
+            self._tell_all(ipc.Estop())
+            text = f"the e-stop is released by process {request.get('process_id')}"
+            self._logbook.write(logging.CRITICAL, text)
+        return {"noted": True, "held": held is not None}
+
+    def _tell_all(self, message: ipc.Estop) -> None:
         for process in self._processes:
             if process.alive:
                 process.send(message)
-        text = "the e-stop is released" if latch is None else "the e-stop is latched"
-        self._logbook.write(logging.CRITICAL, f"{text} by process {request.get('process_id')}")
-        self._estop_clients = [item for item in self._estop_clients if not item.closed]
-        if latch is not None:
-            self._estop_clients.append(client)
-        return {"noted": True, "released": held is not None}
 
     def estopped(self, message: ipc.Estopped) -> None:
         """Passes the report of a node to the commands that wait for it."""
