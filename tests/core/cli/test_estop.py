@@ -322,3 +322,53 @@ def test_a_run_of_another_environment_is_stopped_and_released_too(
     assert main(["estop", "--release"]) == 0
     assert [folder.standing(arm) for folder in folders] == [None, None]
     run.close()
+
+
+RECORD_IMPORTS = """
+import sys
+
+def note(event, arguments):
+    if event == "os.rename" and str(arguments[1]).endswith(".json"):
+        loaded = set(sys.modules) - {"pydantic.plugin._loader"}  # an empty one that keeps pydantic's out
+        others = {name for name in loaded if name.partition(".")[0] not in {*sys.stdlib_module_names, *before}}
+        print("MODULES", *sorted(others))
+
+before = {name.partition(".")[0] for name in sys.modules}  # those of the interpreter's start
+sys.addaudithook(note)
+from joshua.cli.main import main
+main(["estop"])
+"""
+
+
+def test_nothing_is_imported_before_the_latch_stands_that_the_estop_does_not_need(tmp_path: Path) -> None:
+    base = run_bases.base_directory({"XDG_RUNTIME_DIR": str(tmp_path)})
+    run = RunDirectory.create(base, "/srv/robot.pbtxt", 7, [], robot="desk")
+    command = subprocess.run(
+        [sys.executable, "-c", RECORD_IMPORTS],
+        env={**os.environ, "XDG_RUNTIME_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    run.close()
+    (modules,) = [line.split()[1:] for line in command.stdout.splitlines() if line.startswith("MODULES")]
+    assert modules == [
+        "joshua",
+        "joshua.cli",
+        "joshua.cli.commands",
+        "joshua.cli.commands.estop",
+        "joshua.cli.estop",
+        "joshua.cli.exit_codes",
+        "joshua.cli.main",
+        "joshua.cli.options",
+        "joshua.cli.parser",
+        "joshua.cli.table",
+        "joshua.guardian",
+        "joshua.guardian.latch",
+        "joshua.ipc",
+        "joshua.ipc.client",
+        "joshua.ipc.run_bases",
+        "joshua.plan",
+        "joshua.plan.lazy",
+    ]
