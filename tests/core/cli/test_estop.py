@@ -330,8 +330,8 @@ import sys
 def note(event, arguments):
     if event == "os.rename" and str(arguments[1]).endswith(".json"):
         loaded = set(sys.modules) - {"pydantic.plugin._loader"}  # an empty one that keeps pydantic's out
-        others = {name for name in loaded if name.partition(".")[0] not in {*sys.stdlib_module_names, *before}}
-        print("MODULES", *sorted(others))
+        known = {*sys.stdlib_module_names, *before}
+        print("MODULES", *sorted(name for name in loaded if name.partition(".")[0] not in known))
 
 before = {name.partition(".")[0] for name in sys.modules}  # those of the interpreter's start
 sys.addaudithook(note)

@@ -182,6 +182,8 @@ class EstopTarget(RunningSystem):
         self._latched: LatchResult | None = None
         self._socket: SocketRoad | None = None
         self._devices: dict[str, DeviceRoad] = {}
+        self._reports: list[EstopReport] | None = None
+        self._waiter: threading.Thread | None = None
 
     @property
     def base(self) -> Path:
@@ -194,10 +196,13 @@ class EstopTarget(RunningSystem):
         return same_node or bool(self.info.robot and self.info.robot == subject.robot)
 
     def begin(self, latches: Mapping[Path, LatchFolder], timeout_s: float) -> None:
-        """Latch the e-stop and tell the run, without waiting for an effect."""
+        """Latch the e-stop and tell the run. Watch the effect on a thread, beside those of other runs."""
         info = self.info
         self._latched = set_latch(latches, self.base, info.robot, info.source, info.domain_id, info.actuators)
         self._socket = SocketRoad(self, self._latched, timeout_s)
+        arguments = (latches[self.base], timeout_s)
+        self._waiter = threading.Thread(target=self._wait, args=arguments, name="effect", daemon=True)
+        self._waiter.start()
 
     def release(self, *, held_only: bool = False) -> bool:
         """Tell the run that the e-stop is released. Returns whether it held one that is no file.
@@ -211,8 +216,17 @@ class EstopTarget(RunningSystem):
         except CallError:
             return False  # it reads the file, if there was one
 
-    def wait(self, latches: LatchFolder, timeout_s: float) -> list[EstopReport]:
-        """Wait until every actuator has confirmed. Returns one report each, in the run's order.
+    def reports(self) -> list[EstopReport]:
+        """Wait until every actuator has confirmed. Returns one report each, in the run's order."""
+        assert self._latched is not None
+        assert self._waiter is not None
+        self._waiter.join()
+        if self._reports is not None:
+            return self._reports
+        return [self._unreached(node, self._latched.latch) for node in self.info.actuators]
+
+    def _wait(self, latches: LatchFolder, timeout_s: float) -> None:
+        """Collect the reports.
 
         Args:
             latches: may hold a later e-stop of the same run, which counts as well.
@@ -229,7 +243,8 @@ class EstopTarget(RunningSystem):
             now_s = time.monotonic()
             last_s, elapsed_s = now_s, elapsed_s + min(now_s - last_s, _TURN_S)
             if not waiting or elapsed_s > timeout_s:
-                return [reports[node] or self._unreached(node, latch) for node in nodes]
+                self._reports = [reports[node] or self._unreached(node, latch) for node in nodes]
+                return
             for node in waiting:
                 if self._is_due(node, elapsed_s):
                     self._reach(node, latch)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import signal
 import time
@@ -83,10 +84,18 @@ class ProcessMark:
         return self.state == "gone"
 
     def _send_kill(self) -> None:
+        if self.state not in ("running", "stopped"):
+            return
         with contextlib.suppress(OSError):  # it has ended, or belongs to another user
-            # The descriptor stays with this process, also if its id is used again after the check.
-            descriptor = os.pidfd_open(self.process_id)
             try:
+                descriptor = os.pidfd_open(self.process_id)
+            except OSError as error:
+                if error.errno != errno.ENOSYS:
+                    raise
+                os.kill(self.process_id, signal.SIGKILL)  # Linux before 5.3
+                return
+            try:
+                # The descriptor stays with one process, also if its id is used again after the check.
                 if self.state in ("running", "stopped"):
                     signal.pidfd_send_signal(descriptor, signal.SIGKILL)
             finally:

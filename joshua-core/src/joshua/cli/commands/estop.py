@@ -85,9 +85,9 @@ def stop_systems(systems: list[EstopTarget], latches: Latches, timeout_s: float)
     """Latch every e-stop first, then wait for each system."""
     for system in systems:
         system.begin(latches, timeout_s)
+    reached = [(system, system.reports()) for system in systems]  # before any output, which may fail
     good = lasting = True
-    for system in systems:
-        reports = system.wait(latches[system.base], timeout_s)
+    for system, reports in reached:
         title = f"{system.info.source} (process {system.info.process_id})"
         good &= _show(title, reports, system.roads(), latched=system.stays_off)
         lasting &= system.stays_off
