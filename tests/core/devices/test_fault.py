@@ -5,6 +5,7 @@ Why one file: its tests share one node and its latches.
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 from joshua.devices.actuator_node import ActuatorNode
 from joshua.devices.errors import DeviceDisconnected, DeviceError, DeviceSilent, SafetyTripped
-from joshua.guardian.latch import EstopFiles, LatchFolder
+from joshua.guardian.latch import EstopFiles, EstopOrder, LatchFolder, new_latch
 from joshua.messages.make import joint_state
 from joshua.node.verbs import RefusedError
 from joshua.plan import ActuatorFacts, NodeKind, NodeSpec, RunFacts, TopicSpec
@@ -260,6 +261,60 @@ def test_a_resume_before_the_release_was_noticed_stands(start: Any) -> None:
     assert node.context.faults[-1] == ""
 
 
+def test_an_estop_that_is_no_file_is_remembered_until_its_release(start: Any) -> None:
+    node = start()
+    latch = new_latch("desk", "/desk.pbtxt", 7, ["/arm"])
+    node.context.take_estop(latch, stored=False)
+    node.node.estop()
+    assert not node.has_torque
+    assert [(report.latch, report.complete) for report in node.context.estops] == [(latch.identifier, True)]
+    with pytest.raises(RefusedError, match="the e-stop of desk is latched since"):
+        node.node.resume()
+    node.context.take_estop(None, stored=True)
+    node.node.estop()
+    assert not node.has_torque, "releasing it moves nothing"
+    node.node.resume()
+    assert node.has_torque
+
+
+def test_a_node_that_is_told_of_a_latch_obeys_at_once_and_only_while_it_stands(start: Any) -> None:
+    node = start()
+    latch = node.latches.set("desk", "/desk.pbtxt", 7, ["/arm"])
+    node.context.take_estop(latch, stored=True)
+    node.node.estop()
+    assert not node.has_torque
+    node.context.tick("safety")
+    assert len(node.context.estops) == 1
+    node.latches.clear(latch)
+    node.node.resume()
+    assert node.has_torque
+
+
+def test_no_torque_if_an_estop_might_not_be_possible(start: Any) -> None:
+    node = start()
+    node.stop()
+    node.latches.clear(node.latches.all()[0])
+    node.context.tick("safety")
+    shutil.rmtree(node.latches.path)
+    node.latches.path.write_text("in the way")
+    with pytest.raises(RefusedError, match=r"an e-stop might not be possible: .*estop.*Free space there"):
+        node.node.resume()
+    assert not node.has_torque
+    node.latches.path.unlink()
+    node.node.resume()
+    assert node.has_torque
+
+
+def test_a_spare_file_that_vanishes_is_created_again(start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("joshua.devices.actuator_safety.FILES_PERIOD_S", 0.0)
+    node = start()
+    spare = node.latches.path / "spare"
+    assert spare.exists()
+    shutil.rmtree(node.latches.path)
+    node.context.tick("safety")
+    assert spare.exists()
+
+
 def test_a_second_estop_is_verified_again(start: Any) -> None:
     node = start()
     first, second = node.stop(), node.stop()
@@ -411,7 +466,9 @@ def test_a_device_that_is_gone_is_not_waited_for(start: Any, monkeypatch: pytest
 def test_a_driver_that_is_started_again_is_told_how_the_device_was_reached(
     start: Any, tmp_path: Path
 ) -> None:
-    EstopFiles(str(tmp_path / "files")).leave_order("/arm", "module:stop", {"serial_number": "A1"})
+    EstopFiles(str(tmp_path / "files")).leave_order(
+        "/arm", EstopOrder("module:stop", {"serial_number": "A1"})
+    )
     assert start().arm.context.remembered == {}
     assert start(restarted=True).arm.context.remembered == {"serial_number": "A1"}
 

@@ -167,12 +167,17 @@ class ActuatorNode(NodeBehaviour):
         actuator, goals = self._device()
         actuator.prepare()  # a device that restarts for that may count differently, also for its guardian
         goals.seed(actuator.read().position_rad)
+        self._safety.prepare_estop()
         self._safety.guard(actuator)
         # Whatever fails from here on requires the safe state.
         self._energised = self._safety.in_doubt = True
         actuator.enable()
         self._safety.in_doubt = False
         self._safety.beat()
+
+    def estop(self) -> None:
+        """Obeys an e-stop at once, without waiting for the next look at its file."""
+        self._watch()
 
     def verb_providers(self) -> tuple[object, ...]:
         """The node's own verbs, those of its goals and those of its driver."""
@@ -194,6 +199,10 @@ class ActuatorNode(NodeBehaviour):
             actuator.check()
         except DeviceError as error:
             raise RefusedError(f"{name}: the check of the device failed: {error}") from error
+        try:
+            self._safety.prepare_estop()
+        except DeviceError as error:
+            raise RefusedError(str(error)) from error
         try:
             if self._energised:
                 self._rejoin()
@@ -322,6 +331,7 @@ class ActuatorNode(NodeBehaviour):
         """Sends the guardian a heartbeat and obeys an e-stop."""
         actuator, _ = self._device()
         self._safety.beat()
+        self._safety.keep_files()
         if self._commanders is not None:
             self._commanders.watch(time.monotonic_ns())
         latch = self._safety.latch()

@@ -7,8 +7,11 @@ import math
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 
+from joshua.guardian.latch import EstopReport, Latch
 from joshua.ipc.messages import (
+    Estopped,
     Message,
     Progressed,
     Said,
@@ -52,6 +55,10 @@ class NodeContext:
         send: takes messages for the supervisor.
         prepare_thread: called on each new reader thread.
         wake: wakes the node's loop.
+
+    Attributes:
+        held_estop: an e-stop that could not be stored as a file, None if there is none.
+        estop_came: an e-stop was latched or released since the loop last looked.
     """
 
     def __init__(
@@ -69,6 +76,8 @@ class NodeContext:
         self.warnings: list[str] = []
         self.failure: BaseException | None = None
         self.fault_reason = ""
+        self.held_estop: Latch | None = None
+        self.estop_came = False
         self._stop_requested = False
         self._send = send
         self._prepare_thread = prepare_thread
@@ -184,6 +193,20 @@ class NodeContext:
             self.log.error("%s", reason)
         self.fault_reason = reason
         self._send(Said(kind="fault", node=self.spec.full_name, text=printable(reason)))
+
+    def take_estop(self, latch: Latch | None, *, stored: bool) -> None:
+        """Takes an e-stop, or its release (None), from the supervisor. Any thread.
+
+        Args:
+            stored: the latch is a file, which the node reads itself.
+        """
+        self.held_estop = None if stored else latch
+        self.estop_came = True
+        self._wake()
+
+    def estopped(self, report: EstopReport) -> None:
+        """Reports the effect of an e-stop on the device."""
+        self._send(Estopped(node=self.spec.full_name, report=asdict(report)))
 
     def show(self, text: str) -> None:
         """Sets a short text in the node's part of the live status line; "" removes it. Any thread."""

@@ -230,6 +230,8 @@ class Supervisor:
         """Handles what concerns the run. The process has noted the message already."""
         if isinstance(message, ipc.CallReply):
             self._requests.replied(message)
+        elif isinstance(message, ipc.Estopped):
+            self._requests.estopped(message)
         elif isinstance(message, ipc.Progressed):
             self._logbook.publish(message.progress)
         elif isinstance(message, ipc.FirstMessage):

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from joshua.guardian.latch import EstopReport, Latch
 from joshua.node.cadence import TrafficFigures
 from joshua.node.context import NodeContext
 from joshua.node.endpoints import MessagePublisher
@@ -35,8 +36,8 @@ class RecordingContext(NodeContext):
     """The context of a behaviour in a test, in place of the runtime's.
 
     The test runs timers (``tick``), delivers messages (``receive``), and reads what the behaviour reported:
-    ``failures``, ``warnings``, ``faults``, ``ends``, ``shown``, ``waits``, ``progresses``. Threads are real.
-    ``stop`` joins them and raises their exception, if any.
+    ``failures``, ``warnings``, ``faults``, ``estops``, ``ends``, ``shown``, ``waits``, ``progresses``.
+    Threads are real. ``stop`` joins them and raises their exception, if any.
 
     Args:
         spec: the node's part of the plan.
@@ -54,6 +55,9 @@ class RecordingContext(NodeContext):
         self.failures: list[str] = []
         self.faults: list[str] = []
         self.fault_reason = ""
+        self.held_estop: Latch | None = None
+        self.estop_came = False
+        self.estops: list[EstopReport] = []
         self.shown = ""
         self.progresses: dict[str, Progress] = {}
         self.waits = ""
@@ -129,6 +133,12 @@ class RecordingContext(NodeContext):
     def fault(self, reason: str) -> None:
         self.fault_reason = reason
         self.faults.append(reason)
+
+    def take_estop(self, latch: Latch | None, *, stored: bool) -> None:
+        self.held_estop = None if stored else latch
+
+    def estopped(self, report: EstopReport) -> None:
+        self.estops.append(report)
 
     def show(self, text: str) -> None:
         self.shown = text

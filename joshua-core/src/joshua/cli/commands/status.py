@@ -33,10 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show the status of running systems; exit code 0, 1 if one does not answer or the file does not run."""
-    from joshua.guardian.latch import LatchFolder
+    from joshua.guardian.latch import LatchFolder, latch_folder
     from joshua.ipc.client import CallError
     from joshua.ipc.run_bases import base_directories
-    from joshua.supervisor.run_directory import latch_folder
 
     as_json = args.format == "json"
     try:
