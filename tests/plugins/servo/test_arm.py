@@ -260,7 +260,7 @@ def test_a_mute_servo_does_not_keep_the_others_from_holding(arm_emulator: Emulat
     arm.write(far)
     arm_emulator.fault("silent", 3)
     arm.bus.reply_margin_s = BRISK_S
-    arm.bus.retries = 100
+    arm.bus.patience_s = 10.0
     with pytest.raises(NoReply, match=r"elbow_flex \(id 3\) no longer answers"):
         arm.hold()
     assert arm.bus.counters.lost[3] <= 10, "however many retries there are"

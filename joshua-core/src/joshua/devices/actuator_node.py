@@ -72,7 +72,7 @@ class ActuatorNode(NodeBehaviour):
         self._last_state = GoalState.WAITING
         self._test = ActuatorTest(spec)
         self._safety = ActuatorSafety(context)
-        self._status = ActuatorStatus(spec)
+        self._status = ActuatorStatus(spec, 1 / self._rate_hz)
         self._stopped_by = ""
         self._diagnostics: DiagnosticsPublisher | None = None
 

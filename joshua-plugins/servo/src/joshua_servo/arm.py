@@ -42,7 +42,7 @@ from joshua_servo.torque import MoveValues, TorqueSwitch
 from joshua_servo.tuning import Tuning
 from joshua_servo.watch import MOST_SAMPLES, SAMPLE_PAUSE_S, HealthLimits, HealthWatch
 
-HOLD_S = 0.06  # a servo without a reply delays the hold of the others by at most three requests
+HOLD_S = 0.06  # a servo without a reply delays the hold of the others by at most two requests
 TORQUE_CHECK_S = 0.5  # interval of the torque checks while all replies arrive
 MAX_RATE_WINDOW_S = 0.5  # after a pause, the distance to a goal is at most this many seconds at full speed
 
@@ -177,10 +177,7 @@ class ServoArm(Actuator):
         with self._lock:
             open_unguarded(self._port, self.context.stopping)
             try:
-                try:
-                    self.check()
-                except NoReply:  # a machine that starts a run may stall briefly
-                    self.check()
+                self.check()
             except BaseException:
                 self._port.close()
                 raise
