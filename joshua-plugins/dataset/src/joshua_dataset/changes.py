@@ -267,6 +267,8 @@ def own_files(folder: Path) -> list[Path]:
 def recover(folder: Path, files: Files | None = None) -> bool:
     """Complete a decided change that was interrupted; return whether there was one.
 
+    What an undecided or a complete change has left is removed: it only takes space.
+
     Args:
         folder: of the data set, whose lock is held.
 
@@ -278,6 +280,8 @@ def recover(folder: Path, files: Files | None = None) -> bool:
     try:
         text = (place / JOURNAL).read_bytes()
     except FileNotFoundError:
+        if os.path.lexists(place):
+            shutil.rmtree(place)
         return False
     try:
         moves = [_move_of(folder, row) for row in json.loads(text)["moves"]]
