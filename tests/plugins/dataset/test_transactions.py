@@ -9,16 +9,26 @@ import os
 import resource
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import data_operations
 import pytest
 from data_operations import OPERATIONS, RECORDED, Keep, Operation
 from joshua.features import EpisodeError
+from joshua_dataset.changes import change_folder
+from joshua_dataset.cloud import upload as uploading
+from joshua_dataset.cloud.copies import store_of
+from joshua_dataset.cloud.download import download
+from joshua_dataset.cloud.errors import RemoteError
+from joshua_dataset.cloud.store import Tally
+from joshua_dataset.cloud.upload import upload
 from joshua_dataset.lock import PRIVATE, WriterLock
 from joshua_dataset.open_episode import FRAGMENT_S, SYNC_S
 from joshua_dataset.reader import Dataset
+from joshua_dataset.repair import repair
 from joshua_dataset.transform import delete, recompute
 
 #: Operations that differ in their steps; convert and merge make the steps of split.
@@ -50,13 +60,11 @@ def disk(place: Path, size: int) -> Iterator[Path]:
 
 def fill(place: Path, left: int) -> None:
     """Fill a disk up to some bytes."""
-    with (place / "fill").open("wb") as file:
+    with (place / "fill").open("wb", buffering=0) as file:
         with contextlib.suppress(OSError):
             while True:
                 file.write(b"x" * 4096)
-                file.flush()
-        size = file.seek(0, os.SEEK_END)
-        os.ftruncate(file.fileno(), max(0, size - left))
+        file.truncate(max(0, file.tell() - left))
 
 
 def empty(place: Path) -> None:
@@ -194,6 +202,73 @@ def test_a_data_set_that_is_written_is_changed_by_no_other_command(tmp_path: Pat
     writer.end_episode("wave")
     writer.close()
     assert Dataset.read(folder).episodes == len(before) + 1
+
+
+def test_an_upload_needs_no_space_beside_the_data_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    there = tmp_path / "there"
+    with disk(tmp_path / "disk", 3_000_000) as place:
+        data_operations.write(place / "set")
+        fill(place, 0)
+        with monkeypatch.context() as patch:
+            patch.setattr(tempfile, "tempdir", str(place))
+            with pytest.raises(
+                RemoteError, match=r"No space left.* stays as it is.* Free some space, then run"
+            ):
+                upload(place / "set", store_of(f"file://{there}"), Tally())
+        assert not (there / "meta" / "info.json").exists()
+        upload(place / "set", store_of(f"file://{there}"), Tally())  # without a ledger
+        before = data_operations.content(place / "set")
+        assert data_operations.content(there) == before
+
+
+def test_an_upload_does_not_mix_a_data_set_with_what_it_becomes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, there = tmp_path / "set", tmp_path / "there"
+    data_operations.write(folder)
+    send = uploading._send
+
+    def meanwhile(*arguments: Any) -> None:
+        send(*arguments)
+        if Dataset.read(folder).episodes == 2:
+            delete(folder, [0], workers=1)
+
+    monkeypatch.setattr(uploading, "_send", meanwhile)
+    store = store_of(f"file://{there}")
+    with pytest.raises(RemoteError, match=r"was changed by another command meanwhile\. Run the same command"):
+        upload(folder, store, Tally())
+    assert not (there / "meta" / "info.json").exists()
+    upload(folder, store, Tally(), replace=True)
+    assert data_operations.content(there) == data_operations.content(folder)
+
+
+@pytest.mark.parametrize("act", [upload, download])
+def test_transfers_wait_for_an_interrupted_change(act: Any, tmp_path: Path) -> None:
+    folder, there = tmp_path / "set", f"file://{tmp_path / 'there'}"
+    data_operations.write(folder)
+    upload(folder, store_of(there), Tally())
+    change_folder(folder).mkdir(parents=True)
+    (change_folder(folder) / "journal.json").write_text('{"moves": []}')
+    words = (folder, store_of(there)) if act is upload else (store_of(there), folder)
+    with pytest.raises(RemoteError, match=f"was interrupted. Run `joshua dataset repair {folder}` first"):
+        act(*words, Tally())
+    assert "an interrupted change is completed" in repair(folder)
+    act(*words, Tally())
+
+
+def test_a_journal_that_leads_out_of_the_data_set_is_moved_aside(tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    data_operations.write(folder)
+    (tmp_path / "thesis.txt").write_text("precious")
+    change_folder(folder).mkdir(parents=True)
+    moves = [["clear", "../thesis.txt", ".joshua/change/old/000000"]]
+    (change_folder(folder) / "journal.json").write_text(json.dumps({"moves": moves}))
+    with pytest.raises(EpisodeError, match=r"journal is not valid .*outside the data set.* was moved to "):
+        repair(folder)
+    assert (tmp_path / "thesis.txt").read_text() == "precious"
+    assert "is complete: 2 episodes" in repair(folder)
 
 
 def test_a_power_cut_costs_two_seconds_at_most() -> None:

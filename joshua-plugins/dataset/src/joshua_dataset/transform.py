@@ -18,7 +18,7 @@ from joshua_jobs.processes import in_order
 
 from joshua_dataset import statistics
 from joshua_dataset.bag import FILE, messages
-from joshua_dataset.changes import changing, is_interrupted
+from joshua_dataset.changes import Watch, changing, is_interrupted
 from joshua_dataset.files import reason
 from joshua_dataset.formats import writer_of
 from joshua_dataset.from_messages import MessageFrames
@@ -124,7 +124,7 @@ def _fill(
     """
     writer = writer_of(table_format)(layout)
     writer.open()
-    watch = _Watch()
+    watch = Watch()
     try:
         made_of = [dataset.pictures == MESSAGES for dataset in found]
         if any(made_of):
@@ -144,35 +144,6 @@ def _fill(
     finally:
         shutil.rmtree(layout.folder / PRIVATE / "jobs", ignore_errors=True)
         writer.close()
-
-
-class _Watch:
-    """Finds out whether another command changed an episode while it was read."""
-
-    def __init__(self) -> None:
-        self._before: dict[Path, tuple[int, int, int]] = {}
-
-    def add(self, path: Path) -> None:
-        """Watch a file. Raises OSError."""
-        self._before[path] = self._state(path)
-
-    def check(self) -> None:
-        """Raise EpisodeError if a file is another one."""
-        for path, before in self._before.items():
-            try:
-                now = self._state(path)
-            except FileNotFoundError:
-                now = (0, 0, 0)
-            if now != before:
-                raise EpisodeError(
-                    f"{path} was changed by another command meanwhile. Nothing was changed here. "
-                    "Run the command again"
-                )
-
-    @staticmethod
-    def _state(path: Path) -> tuple[int, int, int]:
-        found = path.stat()
-        return found.st_ino, found.st_size, found.st_mtime_ns
 
 
 def _from_messages(
@@ -297,7 +268,7 @@ def _jobs(
     sources: Sequence[Source],
     found: Sequence[Dataset],
     layout: DatasetLayout,
-    watch: _Watch,
+    watch: Watch,
     *,
     is_linked: bool,
 ) -> Iterator[_Job]:
