@@ -8,6 +8,7 @@ import shutil
 import sys
 import traceback
 from collections.abc import Callable
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Any, NoReturn
@@ -36,7 +37,8 @@ def kill_at_each_step(
     for number in count(1):
         shutil.rmtree(work, ignore_errors=True)
         shutil.copytree(base, work, symlinks=True)
-        if (code := _in_child(lambda number=number: _act(number, prepare, work))) not in (0, _KILLED):
+        code = _in_child(partial(_act, number, prepare, work))
+        if code not in (0, _KILLED):
             sys.stderr.write(f"it failed before operation {number}\n")
             wrong.append(number)
         if _in_child(lambda: look(work)):

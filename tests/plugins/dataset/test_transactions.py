@@ -26,10 +26,13 @@ from joshua_dataset.cloud.errors import RemoteError
 from joshua_dataset.cloud.store import Tally
 from joshua_dataset.cloud.upload import upload
 from joshua_dataset.lock import PRIVATE, WriterLock
-from joshua_dataset.open_episode import FRAGMENT_S, SYNC_S
+from joshua_dataset.open_episode import SYNC_S
+from joshua_dataset.pictures import FRAGMENT_S
 from joshua_dataset.reader import Dataset
 from joshua_dataset.repair import repair
 from joshua_dataset.transform import delete, recompute
+from joshua_dataset.writer import LeRobotWriter
+from small_dataset import TOP
 
 #: Operations that differ in their steps; convert and merge make the steps of split.
 STEPS = [name for name in OPERATIONS if name not in ("convert", "merge")]
@@ -162,7 +165,7 @@ def test_a_disk_that_becomes_read_only(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("code", [errno.EIO, errno.EACCES, errno.EDQUOT, errno.EMFILE, errno.ENOSPC])
-@pytest.mark.parametrize("part", ["rows.arrows", "episode.json", f"{data_operations.TOP}.mp4"])
+@pytest.mark.parametrize("part", ["rows.arrows", "episode.json", f"{TOP}.mp4"])
 def test_an_error_of_the_system_is_never_taken_for_damage(
     code: int, part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -196,7 +199,7 @@ def test_a_data_set_that_is_written_is_changed_by_no_other_command(tmp_path: Pat
             change()
     lock.release()
     assert data_operations.content(folder) == before
-    writer = data_operations.recording(folder, data_operations.LeRobotWriter)
+    writer = data_operations.recording(folder, LeRobotWriter)
     with pytest.raises(EpisodeError, match=r"is being written by process \d+ on "):
         delete(folder, [0], workers=1)
     writer.end_episode("wave")

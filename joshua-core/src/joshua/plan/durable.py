@@ -19,6 +19,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+from joshua.plan.json_text import parse_json
+
 #: Errors that say something about the system, and nothing about the content of a file.
 SYSTEM_ERRORS = frozenset(
     {
@@ -216,7 +218,7 @@ class FileLock:
 
 def _owner(text: str) -> str:
     try:
-        record = json.loads(text)
+        record = parse_json(text)
         return f"process {record['process']} on {record['host']} since {record['since']}"
     except (ValueError, KeyError, TypeError):
         return "another process"

@@ -24,6 +24,7 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 from joshua.api.files import free_name
 from joshua.features import EpisodeError
+from joshua.tools import parse_json
 
 from joshua_dataset.files import Files, aside_folder, cause, remedy_first
 from joshua_dataset.lock import PRIVATE, WriterLock
@@ -312,7 +313,7 @@ def recover(folder: Path, files: Files | None = None) -> bool:
             shutil.rmtree(place)
         return False
     try:
-        moves = [_move_of(folder, row) for row in json.loads(text)["moves"]]
+        moves = [_move_of(folder, row) for row in parse_json(text)["moves"]]
     except (ValueError, KeyError, TypeError) as error:
         aside = files.move_aside(place, aside_folder(folder), "change")
         raise EpisodeError(

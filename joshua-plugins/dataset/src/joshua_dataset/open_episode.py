@@ -19,6 +19,7 @@ import numpy as np
 import pyarrow as pa
 from joshua.api.files import is_system_error
 from joshua.features import DatasetLayout, EpisodeError
+from joshua.tools import parse_json
 
 from joshua_dataset.files import Files, aside_folder, reason
 from joshua_dataset.lock import PRIVATE
@@ -271,7 +272,7 @@ def read_journal(folder: Path) -> dict[str, Any] | None:
     """
     place = open_folder(folder)
     try:
-        record = json.loads((place / JOURNAL).read_text(encoding="utf-8"))
+        record = parse_json((place / JOURNAL).read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {} if place.exists() else None
     except OSError as error:

@@ -355,7 +355,10 @@ class DatasetWriter(EpisodeWriter):
     def _found(self) -> bool:
         """Return whether there is a data set to append to. Raises OSError; EpisodeError if it is unfit."""
         folder = self.layout.folder
-        found = folder.exists() and any(path.name != PRIVATE for path in folder.iterdir())
+        # a change that was killed before it was decided leaves empty folders
+        found = folder.exists() and any(
+            _holds_file(path) for path in folder.iterdir() if path.name != PRIVATE
+        )
         if found and not self.layout.resume:
             raise EpisodeError(
                 f"{folder} is not empty, and data sets are never overwritten. "
@@ -522,6 +525,13 @@ class Decided:
     statistics: dict[str, Statistics]
     tasks: list[str]
     aside: Path | None
+
+
+def _holds_file(path: Path) -> bool:
+    """Return whether a path is anything but a folder of empty folders. Raises OSError."""
+    if path.is_symlink() or not path.is_dir():
+        return True
+    return any(_holds_file(inner) for inner in path.iterdir())
 
 
 def interrupted(folder: Path) -> EpisodeError:
