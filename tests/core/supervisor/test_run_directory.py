@@ -17,7 +17,7 @@ from joshua.ipc.run_bases import RunDirectoryError, base_directories
 from joshua.supervisor.run_directory import (
     NodesInUseError,
     RunDirectory,
-    physics_folder,
+    socket_folder,
 )
 from joshua.supervisor.starting import started_processes, starting
 from small_disk import small_disk
@@ -97,8 +97,8 @@ def test_the_socket_of_a_simulation_outlives_nobody(tmp_path):
     base = tmp_path / "base"
     program = (
         "import os, signal, sys\nfrom pathlib import Path\n"
-        "from joshua.supervisor.run_directory import physics_folder\n"
-        "with physics_folder(Path(sys.argv[1])) as folder:\n"
+        "from joshua.supervisor.run_directory import socket_folder\n"
+        "with socket_folder(Path(sys.argv[1]), 'physics') as folder:\n"
         "    (folder / 'bus.sock').write_text('')\n    print(folder, flush=True)\n"
         "    os.kill(os.getpid(), signal.SIGKILL)\n"
     )
@@ -107,10 +107,10 @@ def test_the_socket_of_a_simulation_outlives_nobody(tmp_path):
     left = Path(killed.stdout.strip())
     assert (left / "bus.sock").exists()
 
-    with physics_folder(base) as mine:
+    with socket_folder(base, "physics") as mine:
         assert not left.exists()
         assert mine.stat().st_mode & 0o777 == 0o700
-        with physics_folder(base):
+        with socket_folder(base, "physics"):
             assert mine.exists(), "its owner lives"
         make(base).close()
         assert mine.exists()

@@ -24,6 +24,7 @@ from joshua.supervisor.reactor import Reactor
 
 LOG_NAME = "log.jsonl"
 PHYSICS_FOLDER = "physics"
+LINK_FOLDER = "links"
 
 
 class NodesInUseError(Exception):
@@ -119,7 +120,8 @@ def _make(base: Path, info: RunInfo) -> list[int]:
     nodes = private(base / "nodes")
     with contextlib.ExitStack() as undo, _unusable(base), _locked(base):
         remove_stale(runs)
-        remove_stale(base / PHYSICS_FOLDER)
+        for name in (PHYSICS_FOLDER, LINK_FOLDER):
+            remove_stale(base / name)
         descriptors = _lock_nodes([nodes, *(other / "nodes" for other in other_bases(base))], info, undo)
         latch.LatchFolder(latch.latch_folder(base)).keep_spare()
         path = runs / info.run
@@ -132,15 +134,15 @@ def _make(base: Path, info: RunInfo) -> list[int]:
 
 
 @contextlib.contextmanager
-def physics_folder(base: Path) -> Iterator[Path]:
-    """A folder for the socket between emulated devices and their simulation, which start before the run.
+def socket_folder(base: Path, name: str) -> Iterator[Path]:
+    """A folder for the sockets of a simulation, which starts before the run, or of the links between nodes.
 
     It is removed at the end. The next run at this base removes the folders of killed processes.
 
     Raises:
         RunDirectoryError: the base cannot be created or does not belong to this user.
     """
-    folders = private(private(base) / PHYSICS_FOLDER)
+    folders = private(private(base) / name)
     path = folders / secrets.token_hex(4)
     with contextlib.ExitStack() as stack:
         with _unusable(base), _locked(base):

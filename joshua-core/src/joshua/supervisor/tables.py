@@ -177,6 +177,7 @@ def start_lines(table: StartTable, screen: Screen = PLAIN) -> list[str]:
     title = [part for part in (table.source, table.mode, table.robot) if part]
     lines = [*screen.wrap(" · ".join(title)), *screen.wrap(f"transport: {table.transport}")]
     lines += [*screen.wrap(f"ROS 2 tools: {table.visible}")] * bool(table.visible)
+    lines += [*screen.wrap(f"commands: {table.commands}")] * bool(table.commands)
     heading = ("NODE", "PROCESS", "BACKEND", "TOPIC", "TYPE", "RATE")
     full, short = (
         [heading, *(row for node in table.nodes for row in _node_rows(node, way))] for way in (0, 1)
