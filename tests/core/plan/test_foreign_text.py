@@ -63,7 +63,7 @@ def test_short_secrets_are_masked_as_words_only() -> None:
             ("KEYBOARD", "us-layout"),
             ("HOME", "/root"),
         ),
-        *(("GOOGLE_APPLICATION_CREDENTIALS", "/home/me/key.json"), ("MAX_TOKENS", "4096"), ("API_KEY", "")),
+        *(("GOOGLE_APPLICATION_CREDENTIALS", "/home/user/key.json"), ("MAX_TOKENS", "4096"), ("API_KEY", "")),
         *(("MONKEY", "bananas are fine"), ("HF_TOKEN_PATH", "~/.cache/token")),
     ],
 )

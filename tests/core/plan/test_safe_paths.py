@@ -17,6 +17,7 @@ from joshua.plan.safe_paths import (
     filled,
     inside,
     name_fault,
+    name_inside,
     remove_tree,
     safe_name,
     tree_inside,
@@ -118,6 +119,40 @@ def test_a_path_below_the_folder_may_be_absolute(tmp_path: Path) -> None:
     assert inside(tmp_path, tmp_path / "data/file") == tmp_path / "data/file"
     with pytest.raises(UnsafePathError, match=r"the video '/etc/passwd' is outside"):
         inside(tmp_path, "/etc/passwd", "the video")
+
+
+def test_a_folder_may_be_relative_to_the_working_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data/pipe").symlink_to("/dev/zero")
+    monkeypatch.chdir(tmp_path)
+    folder = Path("data")
+    assert inside(folder, folder / "meta/info.json") == Path("data/meta/info.json")
+    assert inside(folder, "data/file-000.parquet") == Path("data/data/file-000.parquet")
+    assert inside(Path(), Path("data")) == Path("data")
+    for check in (inside, file_inside):
+        with pytest.raises(UnsafePathError, match="leads outside data"):
+            check(folder, folder / "pipe")
+    with pytest.raises(UnsafePathError, match="is outside data"):
+        inside(folder, Path("data/../other"))
+
+
+def test_a_name_that_is_replaced_may_be_a_link(tmp_path: Path) -> None:
+    folder, other = tmp_path / "set", tmp_path / "other"
+    (folder / "data").mkdir(parents=True)
+    other.mkdir()
+    (folder / "data/file").symlink_to(other / "file")
+    assert name_inside(folder, "data/file") == folder / "data/file"
+    (folder / "videos").symlink_to(other)
+    assert name_inside(folder, "videos") == folder / "videos"
+    with pytest.raises(UnsafePathError, match="leads outside"):
+        name_inside(folder, "videos/file")
+    for name in ("..", "data/..", "", ".", "/etc/passwd", "../other/file"):
+        with pytest.raises(UnsafePathError):
+            name_inside(folder, name)
+    with pytest.raises(UnsafePathError, match="control character"):
+        name_inside(folder, "data/new\nline")
 
 
 def test_only_ordinary_files_are_opened(tmp_path: Path) -> None:

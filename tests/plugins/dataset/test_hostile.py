@@ -13,7 +13,7 @@ import hostile
 import pytest
 import small_dataset
 from joshua.features import EpisodeError
-from joshua_dataset import page, transform
+from joshua_dataset import page, recomputing, transform
 from joshua_dataset.checking import check
 from joshua_dataset.formats import writer_of
 from joshua_dataset.reader import Dataset, DatasetError
@@ -122,7 +122,7 @@ OPERATIONS: dict[str, Callable[[Path], object]] = {
         [transform.Source(folder)], folder.with_name("target"), workers=1
     ),
     "delete": lambda folder: transform.delete(folder, [0], workers=1),
-    "recompute": lambda folder: transform.recomputed(folder, workers=1),
+    "recompute": lambda folder: recomputing.recomputed(folder, workers=1),
     "page": _page,
 }
 

@@ -22,7 +22,8 @@ from joshua_dataset.checking import check
 from joshua_dataset.commands import dataset as command
 from joshua_dataset.metadata import INFO, STATS
 from joshua_dataset.reader import Dataset, DatasetError
-from joshua_dataset.transform import Source, build, delete, recomputed
+from joshua_dataset.recomputing import recomputed
+from joshua_dataset.transform import Source, build, delete
 from joshua_dataset.writer import LeRobotWriter
 from small_dataset import TOP, write
 

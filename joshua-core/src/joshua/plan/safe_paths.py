@@ -134,14 +134,15 @@ def inside(folder: Path, path: str | PurePath, what: str = "the path") -> Path:
     """Return a path below a folder, after the check that it stays there.
 
     Args:
-        folder: that it belongs to; path: relative to the folder, or already below it; need not exist.
+        folder: that it belongs to.
+        path: need not exist; a string is relative to the folder, and a ``Path`` may begin with the folder.
         what: what it is, for the message.
 
     Raises:
         UnsafePathError: it is absolute, contains ``..``, a NUL or a part that no file system can store, or a
             symlink on the way leads out of the folder or to itself.
     """
-    joined = folder / path
+    joined = _joined(folder, path)
     try:
         parts = joined.relative_to(folder).parts
     except ValueError:
@@ -163,6 +164,26 @@ def inside(folder: Path, path: str | PurePath, what: str = "the path") -> Path:
             f"{what} {shown(joined)} is a symlink that leads outside {folder}, to {shown(real)}. "
             "Replace it by what it leads to, or remove it"
         )
+    return joined
+
+
+def name_inside(folder: Path, path: str | PurePath, what: str = "the path") -> Path:
+    """Return a path below a folder that is to be renamed, replaced or removed as it is.
+
+    Its last part may be a symlink to anywhere, because none of these operations follows it.
+
+    Raises:
+        UnsafePathError: as ``inside``, for the folder that contains it; or it is the folder itself.
+    """
+    joined = _joined(folder, path)
+    if joined == folder or joined.name == "..":
+        raise UnsafePathError(f"{what} {shown(path)} is not in {folder}")
+    inside(folder, joined.parent, what)
+    try:
+        inside(joined.parent, joined.name, what)
+    except UnsafePathError:
+        if not joined.is_symlink():
+            raise
     return joined
 
 
@@ -214,6 +235,12 @@ def shown(name: object) -> str:
     if len(text) > _LONGEST_SHOWN:
         text = f"{text[: _LONGEST_SHOWN // 2]}...{text[-_LONGEST_SHOWN // 2 :]}"
     return repr(text)
+
+
+def _joined(folder: Path, path: str | PurePath) -> Path:
+    """Return a path below a folder, which may be relative to the working folder."""
+    is_below = isinstance(path, PurePath) and path.is_relative_to(folder)
+    return Path(path) if is_below else folder / path
 
 
 _KINDS: dict[str, Callable[[int], bool]] = {

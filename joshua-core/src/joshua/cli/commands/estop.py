@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import time
@@ -82,24 +83,15 @@ def stop(latches: Latches, args: argparse.Namespace) -> int:
 
 def stop_systems(systems: list[EstopTarget], latches: Latches, timeout_s: float) -> int:
     """Latch every e-stop first, then wait for each system."""
-    from joshua.cli.estop import set_latch
-
-    latched = []
     for system in systems:
-        info = system.info
-        latch = set_latch(latches, system.base, info.robot, info.source, info.domain_id, info.actuators)
-        latched.append((system, latch))
-    good = True
-    for system, latch in latched:
-        problem = system.notify()
-        reports = system.wait(latch, latches[system.base], timeout_s)
-        good &= _show(f"{system.info.source} (process {system.info.process_id})", reports)
-        if problem:
-            sys.stderr.write(
-                f"the supervisor, process {system.info.process_id}, does not answer ({problem}): drivers and "
-                "guardians were reached without it\n"
-            )
-    return _end(good)
+        system.begin(latches, timeout_s)
+    reached = [(system, system.reports()) for system in systems]  # before any output, which may fail
+    good = lasting = True
+    for system, reports in reached:
+        title = f"{system.info.source} (process {system.info.process_id})"
+        good &= _show(title, reports, system.roads(), latched=system.stays_off)
+        lasting &= system.stays_off
+    return _end(good, lasting=lasting)
 
 
 def stop_file(latches: Latches, args: argparse.Namespace) -> int:
@@ -128,16 +120,18 @@ def stop_file(latches: Latches, args: argparse.Namespace) -> int:
         return stop_systems(same, latches, args.timeout)
     source = os.path.abspath(plan.source)  # noqa: PTH100 (links stay as they are)
     nodes = [spec.full_name for spec in specs]
-    latch = set_latch(latches, next(iter(latches)), plan.robot_id, source, domain_id, nodes)
-    return _end(_show(f"{source} (not running)", [release_offline(spec, latch) for spec in specs]))
+    latched = set_latch(latches, next(iter(latches)), plan.robot_id, source, domain_id, nodes)
+    reports = [release_offline(spec, latched.latch) for spec in specs]
+    roads = [("latch", latched.detail), ("device", "opened here")]
+    good = _show(f"{source} (not running)", reports, roads, latched=latched.stored)
+    return _end(good, lasting=latched.stored)
 
 
 def release(latches: Latches, word: str) -> int:
     """Release one e-stop; the user says which if there are several."""
     standing = [latch for folder in latches.values() for latch in folder.all()]
     if not standing:
-        sys.stdout.write("no e-stop is latched\n")
-        return ExitCode.OK
+        return release_held(_systems(latches, word))
     path = os.path.abspath(word)  # noqa: PTH100 (links stay as they are)
     chosen = [item for item in standing if not word or word == item.robot or path == item.source]
     if len({(item.robot, item.source, item.domain_id) for item in chosen}) != 1:
@@ -146,16 +140,36 @@ def release(latches: Latches, word: str) -> int:
         listing = dict.fromkeys(f"  {item.source or item.robot}  since {item.since}\n" for item in standing)
         sys.stderr.writelines(listing)
         return ExitCode.INVALID
+    problems = []
     for latch in chosen:  # one per base, and more if two commands latched a robot at the same moment
         for folder in latches.values():
-            folder.clear(latch)
+            try:
+                folder.clear(latch)
+            except OSError as error:
+                problems.append(f"{folder.path}: {error.strerror or error}")
+    if problems:
+        sys.stderr.write(
+            f"joshua estop --release: the e-stop is still latched: {'; '.join(problems)}. Make the folder "
+            "writable, then run: joshua estop --release\n"
+        )
+        return ExitCode.FAILED
     for system in _systems(latches, ""):
-        if system.info.robot == chosen[0].robot:
-            system.notify(released=True)
-    sys.stdout.write(
-        f"released: {chosen[0].source or chosen[0].robot}\n"
-        "Torque is still off. Run `joshua resume NODE` to re-enable it.\n"
-    )
+        if system.info.robot == chosen[0].robot or not chosen[0].has_content:
+            system.release()
+    return _released(chosen[0].source or chosen[0].robot)
+
+
+def release_held(systems: list[EstopTarget]) -> int:
+    """Release e-stops that are no files, which supervisors remember."""
+    held = [system for system in systems if system.release(held_only=True)]
+    if not held:
+        sys.stdout.write("no e-stop is latched\n")
+        return ExitCode.OK
+    return _released(", ".join(system.info.source for system in held))
+
+
+def _released(what: str) -> ExitCode:
+    sys.stdout.write(f"released: {what}\nTorque is still off. Run `joshua resume NODE` to re-enable it.\n")
     return ExitCode.OK
 
 
@@ -165,10 +179,13 @@ def _systems(latches: Latches, word: str) -> list[EstopTarget]:
     from joshua.ipc.client import all_systems
 
     path = os.path.abspath(word)  # noqa: PTH100 (links stay as they are)
+    found = []
+    for base in latches:
+        with contextlib.suppress(OSError):  # a folder that cannot be read must not keep the others running
+            found += all_systems(base)
     return [
         EstopTarget(folder, info)
-        for base in latches
-        for folder, info in all_systems(base)
+        for folder, info in found
         if not word or word in (info.source, str(info.process_id)) or path == info.source
     ]
 
@@ -200,14 +217,20 @@ def _started_beside(latches: Latches, stopped: list[EstopTarget]) -> list[EstopT
     return [item for item in _systems(latches, "") if item.info.process_id not in process_ids(stopped)]
 
 
-def _show(title: str, reports: list[EstopReport]) -> bool:
+def _show(title: str, reports: list[EstopReport], roads: list[tuple[str, str]], *, latched: bool) -> bool:
     from joshua.cli.estop import lines
 
-    sys.stdout.write(f"e-stop latched: {title}\n")
-    sys.stdout.writelines(f"{line}\n" for line in lines(reports))
+    sys.stdout.write(f"e-stop {'latched' if latched else 'not latched'}: {title}\n")
+    sys.stdout.writelines(f"{line}\n" for line in lines(reports, roads))
     return all(report.complete for report in reports)
 
 
-def _end(good: bool) -> ExitCode:
-    sys.stdout.write("Torque stays off until you run: joshua estop --release\n")
+def _end(good: bool, *, lasting: bool) -> ExitCode:
+    if lasting:
+        sys.stdout.write("Torque stays off until you run: joshua estop --release\n")
+    else:
+        sys.stdout.write(
+            "The e-stop does not last: a start or `joshua resume` enables torque. Make the folder of the "
+            "latch writable, then run: joshua estop\n"
+        )
     return ExitCode.OK if good else ExitCode.HARDWARE

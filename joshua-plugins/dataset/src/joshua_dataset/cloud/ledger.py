@@ -14,6 +14,7 @@ from typing import Any
 
 from joshua.api.files import file_inside
 
+from joshua_dataset.files import Files
 from joshua_dataset.lock import PRIVATE
 from joshua_dataset.metadata import INFO
 
@@ -98,11 +99,8 @@ class Ledger:
         """Write the ledger; skipped if the folder is not writable."""
         with self._lock, contextlib.suppress(OSError):
             self._path.parent.mkdir(exist_ok=True)
-            fresh = file_inside(self._folder, self._path.with_suffix(".new"))
-            fresh.write_text(
-                json.dumps({"digests": self._digests, "remotes": self._remotes}), encoding="utf-8"
-            )
-            fresh.replace(self._path)
+            content = json.dumps({"digests": self._digests, "remotes": self._remotes})
+            Files().write(file_inside(self._folder, self._path), content.encode())
 
 
 def names_of(folder: Path) -> Iterator[str]:
