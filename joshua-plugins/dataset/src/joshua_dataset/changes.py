@@ -76,19 +76,22 @@ class Change:
 
     def __init__(self, folder: Path, files: Files) -> None:
         self._folder, self._files = folder, files
-        self.place = change_folder(folder)
+        self.place = folder / _PLACE
         self.is_decided = False
+        self._has_begun = False
         self._staged: list[Path] = []
         self._moves: list[_Move] = []
         self._last: _Move | None = None
 
     def begin(self) -> None:
         """Make the private folder, without what an undecided change left there. Raises OSError."""
+        change_folder(self._folder)
         if is_interrupted(self._folder):
             raise OSError(errno.EBUSY, "a change is not complete", str(self.place))
         if os.path.lexists(self.place):
             shutil.rmtree(self.place)
         self._files.make_folder(self.place)
+        self._has_begun = True
 
     def table(self, path: Path, table: pa.Table) -> None:
         """Write a table in the format that the suffix names: ``.parquet``, ``.csv`` or ``.jsonl``.
@@ -180,7 +183,7 @@ class Change:
 
     def discard(self) -> None:
         """Remove what was prepared; a decided change stays. Files of ``put`` stay where they are."""
-        if not self.is_decided:
+        if self._has_begun and not self.is_decided:
             with contextlib.suppress(OSError):  # the next change removes it
                 shutil.rmtree(self.place)
 
