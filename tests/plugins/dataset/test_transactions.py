@@ -269,7 +269,9 @@ def test_a_journal_that_leads_out_of_the_data_set_is_moved_aside(tmp_path: Path)
     change_folder(folder).mkdir(parents=True)
     moves = [["clear", "../thesis.txt", ".joshua/change/old/000000"]]
     (change_folder(folder) / "journal.json").write_text(json.dumps({"moves": moves}))
-    with pytest.raises(EpisodeError, match=r"journal is not valid .*outside the data set.* was moved to "):
+    with pytest.raises(
+        EpisodeError, match=r"journal is not valid .*thesis\.txt' is outside .* was moved to "
+    ):
         repair(folder)
     assert (tmp_path / "thesis.txt").read_text() == "precious"
     assert "is complete: 2 episodes" in repair(folder)

@@ -142,18 +142,7 @@ def inside(folder: Path, path: str | PurePath, what: str = "the path") -> Path:
         UnsafePathError: it is absolute, contains ``..``, a NUL or a part that no file system can store, or a
             symlink on the way leads out of the folder or to itself.
     """
-    joined = _joined(folder, path)
-    try:
-        parts = joined.relative_to(folder).parts
-    except ValueError:
-        raise UnsafePathError(f"{what} {shown(path)} is outside {folder}") from None
-    for part in parts:
-        if part == "..":
-            raise UnsafePathError(f"{what} {shown(path)} is outside {folder}: it contains ..")
-        if any(unicodedata.category(character) in ("Cc", "Cs") for character in part):
-            raise UnsafePathError(f"{what} {shown(path)} contains a control character")
-        if len(part.encode()) > _LONGEST_PART:
-            raise UnsafePathError(f"{what} {shown(path)} has a part above {_LONGEST_PART} bytes")
+    joined = _below(folder, path, what)
     try:
         real, real_folder = joined.resolve(), folder.resolve()
     except (OSError, RuntimeError) as error:  # too long, or a symlink to itself
@@ -175,15 +164,10 @@ def name_inside(folder: Path, path: str | PurePath, what: str = "the path") -> P
     Raises:
         UnsafePathError: as ``inside``, for the folder that contains it; or it is the folder itself.
     """
-    joined = _joined(folder, path)
-    if joined == folder or joined.name == "..":
-        raise UnsafePathError(f"{what} {shown(path)} is not in {folder}")
+    joined = _below(folder, path, what)
+    if joined == folder:
+        raise UnsafePathError(f"{what} {shown(path)} is the folder itself")
     inside(folder, joined.parent, what)
-    try:
-        inside(joined.parent, joined.name, what)
-    except UnsafePathError:
-        if not joined.is_symlink():
-            raise
     return joined
 
 
@@ -237,10 +221,26 @@ def shown(name: object) -> str:
     return repr(text)
 
 
-def _joined(folder: Path, path: str | PurePath) -> Path:
-    """Return a path below a folder, which may be relative to the working folder."""
+def _below(folder: Path, path: str | PurePath, what: str) -> Path:
+    """Return a path below a folder, which may be relative to the working folder, without a look at the disk.
+
+    Raises:
+        UnsafePathError: as ``inside``, but for symlinks.
+    """
     is_below = isinstance(path, PurePath) and path.is_relative_to(folder)
-    return Path(path) if is_below else folder / path
+    joined = Path(path) if is_below else folder / path
+    try:
+        parts = joined.relative_to(folder).parts
+    except ValueError:
+        raise UnsafePathError(f"{what} {shown(path)} is outside {folder}") from None
+    for part in parts:
+        if part == "..":
+            raise UnsafePathError(f"{what} {shown(path)} is outside {folder}: it contains ..")
+        if any(unicodedata.category(character) in ("Cc", "Cs") for character in part):
+            raise UnsafePathError(f"{what} {shown(path)} contains a control character")
+        if len(part.encode()) > _LONGEST_PART:
+            raise UnsafePathError(f"{what} {shown(path)} has a part above {_LONGEST_PART} bytes")
+    return joined
 
 
 _KINDS: dict[str, Callable[[int], bool]] = {
