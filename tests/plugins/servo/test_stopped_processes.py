@@ -79,9 +79,7 @@ def test_an_arm_starts_and_stops_however_its_processes_are_stalled(
     assert output.count("round") == rounds - 1
 
 
-def test_servos_that_are_stopped_are_silent_until_they_go_on(
-    kind: Kind, arm_emulator: EmulatedBus
-) -> None:
+def test_servos_that_are_stopped_are_silent_until_they_go_on(kind: Kind, arm_emulator: EmulatedBus) -> None:
     arm = kind.driver(arm_emulator)
     arm.connect()
     try:
