@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from joshua.cli.stand_ins import EmulatedRig
     from joshua.plan import Plan, RunReport
+    from joshua.plan.events import Event
     from joshua.planner.pipeline import Checked
     from joshua.supervisor.fork_server import ForkServer
 
@@ -36,17 +37,22 @@ def run(arguments: argparse.Namespace) -> int:
         from joshua.supervisor import fork_server
         from joshua.supervisor.starting import starting
 
-        with ExitStack() as stack:
-            stack.enter_context(interruptible())
+        with interruptible() as interrupts, ExitStack() as stack:
             server = fork_server.start()
             stack.callback(server.close)
             stack.enter_context(starting(base_directory(os.environ)))
-            return _run(arguments, server, stack, began_s)
+            return _run(arguments, server, stack, began_s, interrupts)
     except NotStartedError as error:
         return error.show()
 
 
-def _run(arguments: argparse.Namespace, server: ForkServer, stack: ExitStack, began_s: float) -> int:
+def _run(
+    arguments: argparse.Namespace,
+    server: ForkServer,
+    stack: ExitStack,
+    began_s: float,
+    interrupts: Interrupts,
+) -> int:
     from joshua.cli.stand_ins import replace_devices
     from joshua.modes import mode_of
     from joshua.planner.pipeline import check_file, finish
@@ -66,32 +72,49 @@ def _run(arguments: argparse.Namespace, server: ForkServer, stack: ExitStack, be
     result = finish(checked)
     if result.plan is None:
         raise NotStartedError.of(result, arguments.format)
-    report = supervise(result.plan, server, arguments, began_s)
+    report = supervise(result.plan, server, arguments, began_s, interrupts)
     stack.close()  # before the verdict, which may take a second to draw
     return conclude(result.plan, report)
 
 
-@contextmanager
-def interruptible() -> Iterator[None]:
-    """Handle SIGTERM and SIGHUP like Ctrl-C, so that everything started is cleaned up.
+class Interrupts:
+    """What signals do outside the run, during which the supervisor handles them.
 
-    Only the first one counts: the supervisor handles the signals during the run, and a second one must not
-    interrupt the clean-up.
+    Attributes:
+        ignored: whether the run is over. A late Ctrl-C must not cut off the last lines.
     """
 
-    def interrupt(_number: int, _frame: object) -> None:
-        for other in former:
+    def __init__(self) -> None:
+        self.ignored = False
+        self._former: dict[int, Any] = {}
+
+    def install(self) -> None:
+        """Handle SIGTERM and SIGHUP like Ctrl-C."""
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            self._former[number] = signal.signal(number, self._interrupt)
+
+    def close(self) -> None:
+        """Restore the former handlers."""
+        while self._former:
+            signal.signal(*self._former.popitem())
+
+    def _interrupt(self, _number: int, _frame: object) -> None:
+        if self.ignored:
+            return
+        for other in (signal.SIGTERM, signal.SIGHUP):  # which must not interrupt the clean-up
             signal.signal(other, signal.SIG_IGN)
         raise KeyboardInterrupt
 
-    former: dict[int, Any] = {}
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        former[number] = signal.signal(number, interrupt)
+
+@contextmanager
+def interruptible() -> Iterator[Interrupts]:
+    """Handle SIGTERM and SIGHUP like Ctrl-C, so that everything started is cleaned up."""
+    interrupts = Interrupts()
+    interrupts.install()
     try:
-        yield
+        yield interrupts
     finally:
-        for taken, handler in former.items():
-            signal.signal(taken, handler)
+        interrupts.close()
 
 
 def run_mode(program: str, checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | None) -> int:
@@ -104,8 +127,11 @@ def run_mode(program: str, checked: Checked, arguments: argparse.Namespace, rig:
         raise NotStartedError(f"the mode's plugin is broken: {error}", ExitCode.NOT_INSTALLED) from error
 
 
-def supervise(plan: Plan, server: ForkServer, arguments: argparse.Namespace, began_s: float) -> RunReport:
-    """Start the nodes and watch them until the end of the run."""
+def supervise(
+    plan: Plan, server: ForkServer, arguments: argparse.Namespace, began_s: float, interrupts: Interrupts
+) -> RunReport:
+    """Start the nodes and watch them until the end of the run. Signals are then ignored."""
+    from joshua.plan import RunReport
     from joshua.supervisor.policies import SupervisorOptions
     from joshua.supervisor.supervisor import Supervisor
     from joshua.supervisor.terminal import Terminal
@@ -117,7 +143,14 @@ def supervise(plan: Plan, server: ForkServer, arguments: argparse.Namespace, beg
         start_timeout_s=arguments.start_timeout,
         began_s=began_s,
     )
-    return Supervisor(plan, server, options, Terminal(level)).run()
+    terminal = Terminal(level)
+
+    def show(event: Event) -> None:
+        if isinstance(event, RunReport):
+            interrupts.ignored = True
+        terminal(event)
+
+    return Supervisor(plan, server, options, show).run()
 
 
 def conclude(plan: Plan, report: RunReport) -> int:

@@ -17,6 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from joshua.guardian.drop_order import DropOrder
 from joshua.guardian.latch import EstopFiles, EstopReport, Latch, LatchFolder, Subject
 from joshua.guardian.order import (
     ARMED,
@@ -151,6 +152,8 @@ class Guardian:
         self._driver = DriverProcess(order.process_id)
         self._latches = LatchFolder(Path(order.latch_folder)) if order.latch_folder else None
         self._subject = Subject(order.robot, order.domain_id, order.node)
+        self._drop = DropOrder(order.estop_files)
+        self._parks = order.request.get("action") == "PARK_THEN_RELEASE"
         self._release_only = False
 
     def run(self) -> int:
@@ -226,8 +229,8 @@ class Guardian:
         limit_s = self._order.timeout_s + OVERTIME_S
         order = self._order
         report = None
-        if not self._release_only and self._latch() is None:
-            report = run_bounded(self._action, order.request, limit_s, lambda: self._latch() is not None)
+        if not self._release_only and not self._must_release():
+            report = run_bounded(self._action, order.request, limit_s, self._must_release)
         latch = self._latch()
         if report is None or latch is not None:
             request = order.release_request or order.request
@@ -243,6 +246,10 @@ class Guardian:
 
     def _latch(self) -> Latch | None:
         return None if self._latches is None else self._latches.standing(self._subject)
+
+    def _must_release(self) -> bool:
+        """Whether an e-stop is latched, or a person has ended the parking of the joints."""
+        return self._latch() is not None or (self._parks and self._drop.given)
 
     def _announce(self, reason: str) -> None:
         """Tells the supervisor why the driver is killed, without waiting for an answer."""
