@@ -99,7 +99,7 @@ class EstopTarget(RunningSystem):
     def _act(self, node: str, latch: Latch, implementation: str, request: dict[str, object]) -> None:
         from joshua.guardian.main import load_action
 
-        self._reached[node] = _reported(node, latch, lambda: load_action(implementation)(request))
+        self._reached[node] = reported(node, latch, lambda: load_action(implementation)(request))
 
     def _unreached(self, node: str, latch: Latch) -> EstopReport:
         if self._orders[node] is None:
@@ -137,10 +137,11 @@ def set_latch(
 
 def release_offline(spec: NodeSpec, latch: Latch) -> EstopReport:
     """Release an actuator that no run uses, and read back its torque, because an arm may hold after a run."""
-    return _reported(spec.full_name, latch, lambda: _release(spec))
+    return reported(spec.full_name, latch, lambda: _release(spec))
 
 
-def _reported(node: str, latch: Latch, act: Callable[[], Mapping[str, Any]]) -> EstopReport:
+def reported(node: str, latch: Latch, act: Callable[[], Mapping[str, Any]]) -> EstopReport:
+    """Run an action that releases an actuator. Returns its report, also if it failed."""
     try:
         result = act()
     except Exception as error:  # noqa: BLE001 (a plugin's code; the command must report)

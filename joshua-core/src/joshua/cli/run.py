@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +28,48 @@ if TYPE_CHECKING:
 def run(arguments: argparse.Namespace) -> int:
     """Run one configuration from the check to the last report and return the exit code."""
     began_s = time.monotonic()
+    with interruptible() as interrupts:
+        ended: list[Plan] = []
+        code = _run_to_end(arguments, interrupts, began_s, ended)
+        interrupts.ignored = True
+        show_torque(arguments, code, ended)
+        return code
+
+
+def show_torque(arguments: argparse.Namespace, code: int, ended: Sequence[Plan]) -> None:
+    """Print as the last line what the actuators of the file do after the run, and what to do about it.
+
+    Args:
+        code: exit code of the run; ended: its plan, if it has started its nodes.
+    """
+    from joshua.cli.energised import AFTER_RUN_S, left_energised, left_lines, plan_options, shown_command
+    from joshua.ipc.run_bases import base_directories
+
+    if not arguments.config:
+        return
+    source = os.path.abspath(arguments.config)  # noqa: PTH100 (links stay as they are)
+    left = left_energised(base_directories(os.environ), lambda record: record.source == source, AFTER_RUN_S)
+    lines = left_lines(left)
+    if not lines and not arguments.emulate and any(map(_outlives_run, ended)):
+        lines = ["this run left no torque on"]
+        if code not in (ExitCode.OK, ExitCode.INTERRUPTED):
+            lines[0] += f"; to check its devices: {shown_command('doctor', source, plan_options(arguments))}"
+    sys.stdout.writelines(f"{line}\n" for line in lines)
+
+
+def _outlives_run(plan: Plan) -> bool:
+    """Whether a plan has an actuator that can keep its torque after the run."""
+    from joshua.plan import ActuatorFacts
+
+    facts = [spec.facts for spec in plan.nodes if isinstance(spec.facts, ActuatorFacts)]
+    real = [item for item in facts if item.simulation is None and not item.dry_run]
+    return any(item.estop_action or item.keeps_last_goal for item in real)
+
+
+def _run_to_end(
+    arguments: argparse.Namespace, interrupts: Interrupts, began_s: float, ended: list[Plan]
+) -> int:
+    """Run a configuration. Interrupted before or after the run, it has cleaned up everything."""
     try:
         if arguments.faults and not arguments.emulate:
             raise NotStartedError(FAULT_ALONE)
@@ -37,11 +79,11 @@ def run(arguments: argparse.Namespace) -> int:
         from joshua.supervisor import fork_server
         from joshua.supervisor.starting import starting
 
-        with interruptible() as interrupts, ExitStack() as stack:
+        with ExitStack() as stack:
             server = fork_server.start()
             stack.callback(server.close)
             stack.enter_context(starting(base_directory(os.environ)))
-            return _run(arguments, server, stack, began_s, interrupts)
+            return _run(arguments, server, stack, began_s, interrupts, ended)
     except NotStartedError as error:
         return error.show()
 
@@ -52,6 +94,7 @@ def _run(
     stack: ExitStack,
     began_s: float,
     interrupts: Interrupts,
+    ended: list[Plan],
 ) -> int:
     from joshua.cli.stand_ins import replace_devices
     from joshua.modes import mode_of
@@ -73,6 +116,8 @@ def _run(
     if result.plan is None:
         raise NotStartedError.of(result, arguments.format)
     report = supervise(result.plan, server, arguments, began_s, interrupts)
+    if report.nodes:
+        ended.append(result.plan)
     stack.close()  # before the verdict, which may take a second to draw
     return conclude(result.plan, report)
 
@@ -131,6 +176,7 @@ def supervise(
     plan: Plan, server: ForkServer, arguments: argparse.Namespace, began_s: float, interrupts: Interrupts
 ) -> RunReport:
     """Start the nodes and watch them until the end of the run. Signals are then ignored."""
+    from joshua.cli.energised import plan_options
     from joshua.plan import RunReport
     from joshua.supervisor.policies import SupervisorOptions
     from joshua.supervisor.supervisor import Supervisor
@@ -142,6 +188,8 @@ def supervise(
         duration_s=arguments.duration,
         start_timeout_s=arguments.start_timeout,
         began_s=began_s,
+        devices_outlive_run=not arguments.emulate,
+        plan_options=plan_options(arguments),
     )
     terminal = Terminal(level)
 

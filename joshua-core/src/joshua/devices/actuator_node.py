@@ -139,6 +139,7 @@ class ActuatorNode(NodeBehaviour):
         actuator, _ = self._device()
         if self._is_leader:
             actuator.release()  # a person moves it, even if an earlier run left it holding
+            self._safety.confirmed_off()
         if self._safety.latch() is not None:
             self._watch()
         elif self._is_commanded and self._facts.restarted:
@@ -159,6 +160,7 @@ class ActuatorNode(NodeBehaviour):
         actuator.prepare()  # a device that restarts for that may count differently, also for its guardian
         goals.seed(actuator.read().position_rad)
         self._safety.guard(actuator)
+        self._safety.energising()
         # Whatever fails from here on requires the safe state.
         self._energised = self._safety.in_doubt = True
         actuator.enable()
@@ -231,6 +233,7 @@ class ActuatorNode(NodeBehaviour):
             return
         if self._is_leader:
             self._actuator.release()
+            self._safety.confirmed_off()
         elif self._energised:
             self._energised = False
             self._safety.apply(self._actuator)

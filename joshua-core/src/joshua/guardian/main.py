@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from joshua.guardian.drop_order import DropOrder
+from joshua.guardian.energised import remove_record
 from joshua.guardian.latch import EstopFiles, EstopReport, Latch, LatchFolder, Subject
 from joshua.guardian.order import (
     ARMED,
@@ -242,6 +243,8 @@ class Guardian:
             EstopFiles(order.estop_files).report(
                 EstopReport(latch.identifier, order.node, "guardian", complete, complete, joints, detail)
             )
+        if report.get("complete") and "held" not in dict(report.get("joints", {})).values():
+            remove_record(order.energised_record)
         return {"reason": reason, "action_s": round(time.monotonic() - began_s, 4), **report}
 
     def _latch(self) -> Latch | None:
@@ -286,15 +289,20 @@ class Guardian:
                 log.write(json.dumps(entry).encode() + b"\n")
 
 
-def load_action(import_string: str) -> Action:
-    """Imports the action of an order. Raises ImportError, AttributeError, TypeError."""
+def load_request(import_string: str) -> type[SafeStopRequest]:
+    """Imports the request of an order. Raises ImportError, AttributeError, TypeError."""
     module, _, attribute = import_string.partition(":")
     target: Any = importlib.import_module(module)
     for name in attribute.split("."):
         target = getattr(target, name)
     if not (isinstance(target, type) and issubclass(target, SafeStopRequest)):
         raise TypeError(f"{import_string} is not a SafeStopRequest. Run joshua plugins --check")
-    return partial(perform, target)
+    return target
+
+
+def load_action(import_string: str) -> Action:
+    """Imports the action of an order. Raises ImportError, AttributeError, TypeError."""
+    return partial(perform, load_request(import_string))
 
 
 def main() -> int:

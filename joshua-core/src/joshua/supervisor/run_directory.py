@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from joshua.guardian import latch
+from joshua.guardian import energised, latch
 from joshua.ipc.client import INFO_NAME, LOCK_NAME, SOCKET_NAME, RunInfo, is_free, read_info
 from joshua.ipc.run_bases import RunDirectoryError, other_bases, private
 from joshua.plan import RunFacts
@@ -89,6 +89,9 @@ class RunDirectory:
             domain_id=self.info.domain_id,
             latch_folder=str(latch_folder(self.path.parents[1])),
             estop_files=str(self.path / latch.FOLDER_NAME),
+            source=self.info.source,
+            run=self.info.run,
+            energised_folder=str(energised_folder(self.path.parents[1])),
         )
 
     def point_to_log(self, log: Path) -> None:
@@ -145,6 +148,11 @@ def physics_folder(base: Path) -> Iterator[Path]:
 def latch_folder(base: Path) -> Path:
     """Folder of the e-stop latches of this user's robots, beside the runs, because a latch outlives a run."""
     return base / latch.FOLDER_NAME
+
+
+def energised_folder(base: Path) -> Path:
+    """Folder of the records of actuators with torque, which outlive a run, too."""
+    return base / energised.FOLDER_NAME
 
 
 def remove_stale(runs: Path) -> None:

@@ -12,6 +12,7 @@ import time
 import traceback
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from enum import Enum
 from functools import partial
 from typing import Any
@@ -173,6 +174,9 @@ class Supervisor:
         self._place = RunPlace(self._reactor, self._logbook, directory, self._requests.handlers())
         stack.callback(self._place.close)
         self._run = directory.facts(self._logbook.path)
+        self._run = replace(self._run, options=self._options.plan_options)
+        if not self._options.devices_outlive_run:
+            self._run = replace(self._run, energised_folder="")
         with suppress(OSError):  # giving the order then makes the file
             DropOrder(self._run.estop_files).prepare()
         return True

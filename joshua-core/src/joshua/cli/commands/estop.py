@@ -64,24 +64,31 @@ def stop(latches: Latches, args: argparse.Namespace) -> int:
     systems = _systems(latches, word)
     if not systems and Path(word).is_file():
         return stop_file(latches, args)
-    systems = systems or _starting(latches, word)
+    left = None if systems else stop_left(latches, word)
+    if not systems and not (word and left is not None):
+        systems = _starting(latches, word)
+    if not systems and left is not None:
+        return left
     if not systems:
         known = _systems(latches, "")
         problem = f"{word} is neither a running system nor a file" if word else "no system is running"
         sys.stderr.write(
-            f"joshua estop: {problem}, so nothing was stopped\n"
-            "To release an arm that holds its position after a run: joshua estop FILE\n"
+            f"joshua estop: {problem}, and no arm is known to hold after a run, so nothing was stopped\n"
+            "To release an arm that holds all the same: joshua estop FILE\n"
         )
         sys.stderr.writelines(f"  {item.info.process_id}  {item.info.source}\n" for item in known)
         return ExitCode.INVALID if known else ExitCode.FAILED
     code = stop_systems(systems, latches, args.timeout)
     if not word and (late := _started_beside(latches, systems)):
         code = stop_systems(late, latches, args.timeout) or code
-    return code
+    if not word and left is None:
+        left = stop_left(latches, "")
+    return code or left or ExitCode.OK
 
 
 def stop_systems(systems: list[EstopTarget], latches: Latches, timeout_s: float) -> int:
     """Latch every e-stop first, then wait for each system."""
+    from joshua.cli.energised import forget_released
     from joshua.cli.estop import set_latch
 
     latched = []
@@ -91,22 +98,47 @@ def stop_systems(systems: list[EstopTarget], latches: Latches, timeout_s: float)
         latched.append((system, latch))
     good = True
     for system, latch in latched:
+        info = system.info
         problem = system.notify()
         reports = system.wait(latch, latches[system.base], timeout_s)
-        good &= _show(f"{system.info.source} (process {system.info.process_id})", reports)
+        forget_released(latches, info.source, reports)
+        good &= _show(f"{info.source} (process {info.process_id})", reports)
         if problem:
             sys.stderr.write(
-                f"the supervisor, process {system.info.process_id}, does not answer ({problem}): drivers and "
+                f"the supervisor, process {info.process_id}, does not answer ({problem}): drivers and "
                 "guardians were reached without it\n"
             )
     return _end(good)
 
 
+def stop_left(latches: Latches, word: str) -> ExitCode | None:
+    """Latch and release the actuators that runs left with torque, all or those of a file.
+
+    Returns None if none is known. They are reached as their drivers reached them, whatever their files say
+    meanwhile.
+    """
+    from joshua.cli.energised import recorded, release_recorded
+    from joshua.cli.estop import set_latch
+
+    path = os.path.abspath(word)  # noqa: PTH100 (links stay as they are)
+    records = [record for _, record in recorded(latches) if not word or record.source == path]
+    good = True
+    for robot, source, domain_id in dict.fromkeys(
+        (item.robot, item.source, item.domain_id) for item in records
+    ):
+        own = [item for item in records if (item.robot, item.source) == (robot, source)]
+        latch = set_latch(latches, next(iter(latches)), robot, source, domain_id, [item.node for item in own])
+        good &= _show(f"{source} (not running)", release_recorded(latches, latch, own))
+    return _end(good) if records else None
+
+
 def stop_file(latches: Latches, args: argparse.Namespace) -> int:
     """Latch the e-stop of a file that does not run, and release its actuators from here.
 
-    A run of the same robot under another file is stopped instead.
+    Actuators that its last run left with torque are reached as their drivers reached them, even if the file
+    is invalid meanwhile. A run of the same robot under another file is stopped instead.
     """
+    from joshua.cli.energised import forget_released, recorded, release_recorded
     from joshua.cli.estop import release_offline, set_latch
     from joshua.cli.report import exit_code_of, request_of, show_findings
     from joshua.guardian.latch import Subject
@@ -114,8 +146,18 @@ def stop_file(latches: Latches, args: argparse.Namespace) -> int:
     from joshua.planner.pipeline import examine
     from joshua.planner.request import Purpose
 
+    source = os.path.abspath(args.config)  # noqa: PTH100 (links stay as they are)
+    left = [record for _, record in recorded(latches) if record.source == source and record.implementation]
+    reports: dict[str, EstopReport] = {}
+    if left:
+        first = left[0]
+        nodes = [record.node for record in left]
+        latch = set_latch(latches, next(iter(latches)), first.robot, source, first.domain_id, nodes)
+        reports = {report.node: report for report in release_recorded(latches, latch, left)}
     result = examine(request_of(args, Purpose.SHOW))
     plan = result.plan
+    if plan is None and left:
+        return _end(_show(f"{source} (not running)", list(reports.values())))
     if plan is None:
         show_findings(result, args.format)
         sys.stderr.write("joshua estop: the file is invalid, so nothing was stopped\n")
@@ -126,10 +168,14 @@ def stop_file(latches: Latches, args: argparse.Namespace) -> int:
     same = [system for system in _systems(latches, "") if any(map(system.concerns, subjects))]
     if same:
         return stop_systems(same, latches, args.timeout)
-    source = os.path.abspath(plan.source)  # noqa: PTH100 (links stay as they are)
     nodes = [spec.full_name for spec in specs]
     latch = set_latch(latches, next(iter(latches)), plan.robot_id, source, domain_id, nodes)
-    return _end(_show(f"{source} (not running)", [release_offline(spec, latch) for spec in specs]))
+    for spec in specs:
+        report = reports.get(spec.full_name)
+        if report is None or not report.complete or args.overrides:
+            reports[spec.full_name] = release_offline(spec, latch)
+    forget_released(latches, source, reports.values())
+    return _end(_show(f"{source} (not running)", list(reports.values())))
 
 
 def release(latches: Latches, word: str) -> int:
