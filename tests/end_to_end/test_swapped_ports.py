@@ -16,7 +16,8 @@ from joshua.devices.calibration import ArmCalibration
 from joshua.schema import config_pb2
 from joshua_emulator import EmulatedBus
 
-OFFSETS = {"leader_arm": 40, "follower_arm": 25}
+#: Added to the homing offsets of the second arm, which differs from the first one by nothing else.
+DIFFERENCE_TICKS = 12
 TRY = "or try it first: "
 
 
@@ -27,11 +28,10 @@ def arms() -> Iterator[dict[str, EmulatedBus]]:
         EmulatedBus(arm="so_arm100", calibrated=True, identity="") as leader,
         EmulatedBus(arm="so_arm100", calibrated=True, identity="") as follower,
     ):
-        arms = {"leader_arm": leader, "follower_arm": follower}
-        for name, arm in arms.items():
-            for servo in arm.servos():
-                arm.ask("set_register", id=servo["id"], name="homing_offset", value=OFFSETS[name])
-        yield arms
+        for motor in follower.calibration()["motors"]:
+            value = motor["homing_offset"] + DIFFERENCE_TICKS
+            follower.ask("set_register", id=motor["id"], name="homing_offset", value=value)
+        yield {"leader_arm": leader, "follower_arm": follower}
 
 
 @pytest.fixture

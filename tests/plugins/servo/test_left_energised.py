@@ -9,6 +9,7 @@ import pytest
 from joshua.cli.energised import left_energised, left_lines, release_recorded
 from joshua.guardian.energised import EnergisedFolder, EnergisedNote, EnergisedRecord
 from joshua.guardian.latch import Latch
+from joshua.supervisor.starting import starting
 from joshua_emulator import EmulatedBus
 from servo_families import Kind
 from servo_fixtures import MakeArm
@@ -91,6 +92,18 @@ def test_what_is_known_of_an_arm_that_cannot_be_read(
     assert " and was not released since; it cannot be read: " in line
     assert says in line
     assert records(tmp_path) == [left], "it may hold all the same"
+
+
+def test_a_run_that_is_starting_is_not_disturbed(
+    tmp_path: Path, left: EnergisedRecord, arm_emulator: EmulatedBus
+) -> None:
+    """It would find the port in use."""
+    with starting(tmp_path):
+        requests = arm_emulator.log()[-1]["sequence"]
+        (found,) = left_energised([tmp_path])
+        assert found.state.endswith("it cannot be read: a run is starting or does not answer")
+        assert arm_emulator.log()[-1]["sequence"] == requests
+    assert left_energised([tmp_path])[0].joints == 6
 
 
 def test_it_is_released_without_its_driver(

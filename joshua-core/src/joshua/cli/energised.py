@@ -83,9 +83,13 @@ def left_energised(
         concerns: which records count.
         timeout_s: for each device.
     """
-    found = []
+    bases, found = list(bases), []
+    is_starting = _run_is_starting(bases)
     for folder, record in recorded(bases):
         if not concerns(record):
+            continue
+        if is_starting:  # it may open the device at any moment, and would find it in use
+            found.append(LeftEnergised(record, problem="a run is starting or does not answer"))
             continue
         try:
             torque = _read(record, timeout_s)
@@ -98,6 +102,26 @@ def left_energised(
         else:
             _forget(folder, record)
     return found
+
+
+def _run_is_starting(bases: Sequence[Path]) -> bool:
+    """Whether a run of this user has no directory yet, or its nodes are not ready."""
+    from joshua.ipc.client import CallError, RunningSystem, all_systems
+    from joshua.supervisor.starting import started_processes
+
+    started = started_processes(bases)
+    if not started:
+        return False
+    systems = [RunningSystem(path, info) for base in bases for path, info in all_systems(base)]
+    for system in systems:
+        if system.info.process_id in started:
+            try:
+                is_ready = system.status().phase != "starting"
+            except CallError:
+                continue  # it is ending, or does not answer
+            if is_ready:
+                started.discard(system.info.process_id)
+    return bool(started)
 
 
 def left_lines(left: Sequence[LeftEnergised]) -> list[str]:

@@ -54,7 +54,8 @@ def show_torque(arguments: argparse.Namespace, code: int, ended: Sequence[Plan])
         lines = ["this run left no torque on"]
         if code not in (ExitCode.OK, ExitCode.INTERRUPTED):
             lines[0] += f"; to check its devices: {shown_command('doctor', source, plan_options(arguments))}"
-    sys.stdout.writelines(f"{line}\n" for line in lines)
+    stream = sys.stderr if arguments.format == "json" else sys.stdout  # where findings are a document
+    stream.writelines(f"{line}\n" for line in lines)
 
 
 def _outlives_run(plan: Plan) -> bool:

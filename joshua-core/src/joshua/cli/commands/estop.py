@@ -73,8 +73,8 @@ def stop(latches: Latches, args: argparse.Namespace) -> int:
         known = _systems(latches, "")
         problem = f"{word} is neither a running system nor a file" if word else "no system is running"
         sys.stderr.write(
-            f"joshua estop: {problem}, and no arm is known to hold after a run, so nothing was stopped\n"
-            "To release an arm that holds all the same: joshua estop FILE\n"
+            f"joshua estop: {problem}, so nothing was stopped\n"
+            "To release an arm that holds its position after a run: joshua estop FILE\n"
         )
         sys.stderr.writelines(f"  {item.info.process_id}  {item.info.source}\n" for item in known)
         return ExitCode.INVALID if known else ExitCode.FAILED
