@@ -89,6 +89,11 @@ class ActuatorSafety:
                 f"{error.strerror or error}"
             )
 
+    def switch_off(self, actuator: Actuator) -> None:
+        """Disables the torque of a device without a guardian. Raises what the device raises."""
+        actuator.release()
+        self.confirmed_off()
+
     def confirmed_off(self) -> None:
         """Notes that the device has confirmed that its torque is off."""
         self._note.released()
