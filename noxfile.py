@@ -117,10 +117,11 @@ def coverage(session: nox.Session) -> None:
 
 @nox.session
 def soak(session: nox.Session) -> None:
-    """Teleoperation on bad lines and a busy machine, a held object, 200 killed recordings; 30 minutes."""
+    """Teleoperation on bad lines and a busy machine, 200 starts, a held object, 200 killed recordings."""
     install(session, *group("test"), *editable(f"{CORE}[dds]", *PLUGINS))
     session.run("python", "tests/soak/teleoperation.py", *session.posargs)
     session.run("python", "tests/soak/busy_machine.py", *session.posargs)
+    session.run("python", "tests/soak/busy_starts.py")
     session.run("python", "tests/soak/grip.py", *session.posargs)
     session.run("python", "tests/soak/killed_recording.py")
 

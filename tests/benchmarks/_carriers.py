@@ -6,6 +6,7 @@ import contextlib
 import json
 import mmap
 import os
+import shutil
 import socket
 import struct
 import threading
@@ -34,10 +35,12 @@ def coordinator(carrier: str, place: Place) -> Iterator[None]:
     if "zenoh" in carrier:
         from joshua.transport import prepare_transport
 
+        os.mkdir(_links(place), 0o700)
         handle = prepare_transport(_spec("zenoh", place))
         yield
         assert handle is not None
         handle.close()
+        shutil.rmtree(_links(place))
     elif carrier == "shared-memory ring":
         ring = _ring_file(place)
         with open(ring, "wb") as file:
@@ -64,7 +67,13 @@ def receiver(carrier: str, type_name: str, place: Place, got: Callback) -> Close
 
 def _spec(kind: Any, place: Place) -> TransportSettings:
     endpoint = f"tcp/localhost:{place['port']}"
-    return transport_settings(kind, domain_id=place["domain"], listen_endpoints=(endpoint,))
+    settings = transport_settings(kind, domain_id=place["domain"], listen_endpoints=(endpoint,))
+    return settings.model_copy(update={"link_folder": _links(place)}) if kind == "zenoh" else settings
+
+
+def _links(place: Place) -> str:
+    """Folder for the sockets between the two nodes, as a run has one."""
+    return f"{place['path']}.links"
 
 
 def _wait(condition: Callable[[], Any]) -> None:

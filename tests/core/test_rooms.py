@@ -21,7 +21,7 @@ STANDS_ON: dict[str, tuple[str, ...]] = {
     "features": ("schema", "plan"),
     "messages": ("schema", "plan"),
     "ipc": ("plan",),
-    "transport": ("messages", "plugins"),
+    "transport": ("messages", "plugins", "ipc"),
     "node": ("transport", "plugins", "ipc", "guardian"),
     # The process beside an actuator, the driver's link to it, and the judge of silence.
     "guardian": ("ipc",),

@@ -17,6 +17,7 @@ from joshua.testing.transport import transport_settings
 from joshua.transport import open_transport
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
+LOG = "rcl_interfaces/msg/Log"
 JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 ROBOT = """
 general { mode: MODE_TELEOPERATE id: "bench" }
@@ -46,11 +47,16 @@ class Outside:
         self._trajectory = moveit.create_publisher("/follower/trajectory", JOINT_TRAJECTORY, QosProfile())
         self._others = talker.create_publisher("/follower/joint_commands", JOINT_STATE, QosProfile())
         moveit.create_subscription("/follower/applied_command", JOINT_STATE, QosProfile(), self._hear)
+        self.logged: list[str] = []
+        moveit.create_subscription("/rosout", LOG, QosProfile(), self._take_log)
 
     def _hear(self, sample: Any) -> None:
         message = decode(JOINT_STATE, sample.cdr)
         stamp = message.header.stamp
         self.written.append((stamp.sec + stamp.nanosec / 1e9, float(message.position[0])))
+
+    def _take_log(self, sample: Any) -> None:
+        self.logged.append(decode(LOG, sample.cdr).msg)
 
     def command(self, rad: float, *, other: bool = False) -> None:
         publisher = self._others if other else self._commands
@@ -68,6 +74,13 @@ class Outside:
         deadline_s = time.monotonic() + 60
         while not (self.written and reached(self.written[-1][1])):
             assert time.monotonic() < deadline_s, self.written[-5:]
+            act()
+            time.sleep(0.02)
+
+    def wait_for_log(self, fits: Callable[[str], bool], act: Callable[[], None]) -> None:
+        deadline_s = time.monotonic() + 60
+        while not any(map(fits, list(self.logged))):
+            assert time.monotonic() < deadline_s, self.logged[-5:]
             act()
             time.sleep(0.02)
 
@@ -117,6 +130,18 @@ def test_nodes_outside_the_file_drive_a_follower_one_at_a_time(
         assert moving_s[-1] - moving_s[0] > 1.6, "in two seconds, and not as fast as the joint can"
         time.sleep(1.0)
         assert node.written[-1][1] == pytest.approx(0.5, abs=2e-3), "a trajectory that ended is not stale"
+        assert joshua_run("estop").returncode == 0
+        assert joshua_run("estop", "--release").returncode == 0
+        remedy = "Run `joshua resume follower` to re-enable torque"
+        said = (
+            f"commands from /moveit have no effect: the e-stop is released, but torque is still off. {remedy}"
+        )
+        node.wait_for_log(lambda text: text.endswith(said), lambda: node.command(0.4))
+        status = joshua_run("status").stdout
+        assert "commands without effect from /moveit" in status
+        assert remedy in " ".join(status.split())
+        assert joshua_run("resume", "follower").returncode == 0
+        node.wait(lambda rad: abs(rad - 0.4) < 1e-3, lambda: node.command(0.4))
     finally:
         if outside is not None:
             outside.close()
@@ -125,3 +150,5 @@ def test_nodes_outside_the_file_drive_a_follower_one_at_a_time(
     assert run.returncode == 0, said
     assert said.count("commands from /talker are refused: /moveit is the commander") == 1
     assert "commands stopped: the joints hold their position" in said
+    assert said.count("/moveit commands joint_1 to 9 rad, its limits are -1.571 to 1.571 rad") == 1
+    assert said.count("commands from /moveit have no effect: the e-stop is released") == 1

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import time
 from pathlib import Path
 
 import pytest
-from guarded_arm import HOLD, RELEASE, park, running
+from guarded_arm import HOLD, RELEASE, Rig, park, running
 from processes import children_of, descendants_of, is_guardian, title_of
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes in /proc")
@@ -126,6 +127,60 @@ def test_supervisor_and_driver_killed_at_once(tmp_path: Path, joshua_domain_id: 
         os.kill(rig.driver, signal.SIGKILL)
         rig.wait(lambda: rig.energised() == {False})
         rig.wait(lambda: rig.gone(rig.guardian))
+
+
+STAYS_DOWN = "robot.actions[1].node.restart=RESTART_NEVER"
+BOTH_ENDED = "guardian: the driver and its guardian ended without a safe stop"
+
+
+def kill_driver_and_guardian(rig: Rig) -> None:
+    """Kills both. Stopped first, the guardian does not act if this machine stalls in between."""
+    os.kill(rig.guardian, signal.SIGSTOP)
+    os.kill(rig.driver, signal.SIGKILL)
+    with contextlib.suppress(ProcessLookupError):  # the fork server kills it, too
+        os.kill(rig.guardian, signal.SIGKILL)
+
+
+def test_driver_and_guardian_killed_at_once(tmp_path: Path, joshua_domain_id: int) -> None:
+    with running(tmp_path, joshua_domain_id, (*RELEASE, STAYS_DOWN)) as rig:
+        kill_driver_and_guardian(rig)
+        rig.wait(lambda: rig.energised() == {False})  # not by the next driver: there is none
+        rig.wait(lambda: rig.logged(BOTH_ENDED))
+        output = rig.stop()
+        assert f"{BOTH_ENDED}; 1 released" in output
+        assert "starting again" not in output
+
+
+def test_driver_and_guardian_killed_at_once_leave_a_held_arm_held(
+    tmp_path: Path, joshua_domain_id: int
+) -> None:
+    with running(tmp_path, joshua_domain_id, HOLD) as rig:
+        kill_driver_and_guardian(rig)
+        rig.wait(lambda: rig.logged(BOTH_ENDED))
+        rig.wait(lambda: rig.logged("starting again") and rig.is_ready())
+        assert rig.energised() == {True}
+        assert f"{BOTH_ENDED}; 1 held" in rig.stop()
+
+
+def test_a_parking_of_the_fork_server_makes_the_next_driver_wait(
+    tmp_path: Path, joshua_domain_id: int
+) -> None:
+    with running(tmp_path, joshua_domain_id, park(0.3)) as rig:
+        kill_driver_and_guardian(rig)
+        rig.wait(lambda: rig.energised() == {False})
+        rig.wait(lambda: rig.logged("starting again") and rig.is_ready())
+        output = rig.stop()
+        assert f"{BOTH_ENDED}; 1 released" in output
+        assert "in use by" not in output, output
+
+
+def test_only_the_fork_server_survives(tmp_path: Path, joshua_domain_id: int) -> None:
+    with running(tmp_path, joshua_domain_id, RELEASE) as rig:
+        os.kill(rig.process.pid, signal.SIGKILL)
+        kill_driver_and_guardian(rig)
+        rig.wait(lambda: rig.energised() == {False})
+        rig.wait(lambda: rig.gone(rig.fork_server))
+        assert rig.logged(BOTH_ENDED)
 
 
 def test_signals_do_not_end_a_guardian(tmp_path: Path, joshua_domain_id: int) -> None:

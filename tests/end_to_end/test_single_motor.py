@@ -77,6 +77,15 @@ def goal_was_written(entry: dict[str, object]) -> bool:
     return first <= 42 < first + width or (first == 40 and 1 in parameters[1:])
 
 
+def test_a_wrong_supply_voltage_gets_no_torque(joshua_run: JoshuaProgram) -> None:
+    with EmulatedBus(ids=(1,)) as servo:
+        servo.ask("set", volts=16.0)
+        result = joshua_run("--config", PRESET, *SHORT, "--set", PORT + servo.port)
+        assert servo.log("torque") == []
+    assert result.returncode == 4, result.stdout + result.stderr
+    assert "torque stays off: joint_1: 16.0 V, allowed 4.0 to 14.0 V. Remove the cause" in result.stderr
+
+
 @pytest.mark.parametrize(
     ("fault", "text"), [("over_temperature", "too hot"), ("under_voltage", "V, allowed 4.0 to 14.0 V")]
 )

@@ -116,7 +116,7 @@ def main() -> None:
         cell.start()
     run_until(cells, lambda: all(cell.recorder.status().frames >= 10 for cell in cells))
     subprocess.run(["mount", "-o", "remount,abort", place], check=True)
-    run_until(cells, lambda: all(cell.recorder.status().phase == "ready" for cell in cells))
+    run_until(cells, lambda: all(cell.recorder.status().phase == "stopped" for cell in cells))
     json.dump({form: cell.came_of_it() for form, cell in recordings.items()}, sys.stdout)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -273,12 +274,31 @@ def test_resume_names_what_there_is(shell: Shell) -> None:
     assert "there is nothing to resume" in healthy.stdout
 
 
-def test_a_run_that_cannot_be_latched_says_to_cut_the_supply(shell: Shell) -> None:
+def test_a_run_that_cannot_be_latched_is_told_over_its_socket(shell: Shell) -> None:
     shell.start("desk")
+    shutil.rmtree(shell.latches.path)
     shell.latches.path.write_text("in the way")
     result = shell.joshua("estop")
-    assert result.returncode == 4
-    assert "Cut the power of the robot by hand" in result.stderr
+    assert result.returncode == 0, result.stderr
+    rows = [line.split(maxsplit=1) for line in result.stdout.splitlines()]
+    assert ["/desk_arm", "off     read back from 2 joints by its driver"] in rows
+    assert any(row[0] == "latch" and row[1].startswith(f"not set in {shell.latches.path}: ") for row in rows)
+    assert ["device", "not needed"] in [[row[0], row[-1].strip()] for row in rows]
+    assert "Torque stays off until you run: joshua estop --release" in result.stdout
+    shell.await_states(desk_arm="fault")
+    refused = shell.joshua("resume", "desk_arm")
+    assert refused.returncode == 4
+    assert "the e-stop of desk is latched since" in refused.stderr
+    released = shell.joshua("estop", "--release")
+    assert released.returncode == 0, released.stderr
+    assert "released: " in released.stdout
+    again = shell.joshua("estop", "--release")
+    assert again.stdout == "no e-stop is latched\n"
+    refused = shell.joshua("resume", "desk_arm")
+    assert refused.returncode == 4
+    assert "an e-stop might not be possible" in refused.stderr
+    shell.latches.path.unlink()
+    assert shell.joshua("resume", "desk_arm").returncode == 0
 
 
 def test_a_run_of_another_environment_is_stopped_and_released_too(
@@ -302,3 +322,53 @@ def test_a_run_of_another_environment_is_stopped_and_released_too(
     assert main(["estop", "--release"]) == 0
     assert [folder.standing(arm) for folder in folders] == [None, None]
     run.close()
+
+
+RECORD_IMPORTS = """
+import sys
+
+def note(event, arguments):
+    if event == "os.rename" and str(arguments[1]).endswith(".json"):
+        loaded = set(sys.modules) - {"pydantic.plugin._loader"}  # an empty one that keeps pydantic's out
+        known = {*sys.stdlib_module_names, *before}
+        print("MODULES", *sorted(name for name in loaded if name.partition(".")[0] not in known))
+
+before = {name.partition(".")[0] for name in sys.modules}  # those of the interpreter's start
+sys.addaudithook(note)
+from joshua.cli.main import main
+main(["estop"])
+"""
+
+
+def test_nothing_is_imported_before_the_latch_stands_that_the_estop_does_not_need(tmp_path: Path) -> None:
+    base = run_bases.base_directory({"XDG_RUNTIME_DIR": str(tmp_path)})
+    run = RunDirectory.create(base, "/srv/robot.pbtxt", 7, [], robot="desk")
+    command = subprocess.run(
+        [sys.executable, "-c", RECORD_IMPORTS],
+        env={**os.environ, "XDG_RUNTIME_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    run.close()
+    (modules,) = [line.split()[1:] for line in command.stdout.splitlines() if line.startswith("MODULES")]
+    assert modules == [
+        "joshua",
+        "joshua.cli",
+        "joshua.cli.commands",
+        "joshua.cli.commands.estop",
+        "joshua.cli.estop",
+        "joshua.cli.exit_codes",
+        "joshua.cli.main",
+        "joshua.cli.options",
+        "joshua.cli.parser",
+        "joshua.cli.table",
+        "joshua.guardian",
+        "joshua.guardian.latch",
+        "joshua.ipc",
+        "joshua.ipc.client",
+        "joshua.ipc.run_bases",
+        "joshua.plan",
+        "joshua.plan.lazy",
+    ]

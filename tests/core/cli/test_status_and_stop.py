@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from argparse import Namespace
@@ -147,12 +148,13 @@ def test_stop_asks_which_when_several_run(environment, running, tmp_path):
 
 def test_a_system_that_does_not_answer_is_named(environment, running):
     process, path = running
-    (socket_path,) = Path(environment["XDG_RUNTIME_DIR"]).glob("joshua/runs/*/control.sock")
-    socket_path.unlink()
-
-    status = joshua(environment, "status")
-    assert status.returncode == 1
-    assert f"process {process.pid}, which runs {path}, does not answer" in status.stderr
-    stop = joshua(environment, "stop")
-    assert stop.returncode == 1
-    assert f"kill {process.pid}" in stop.stderr
+    os.kill(process.pid, signal.SIGSTOP)
+    try:
+        status = joshua(environment, "status")
+        assert status.returncode == 1
+        assert f"process {process.pid}, which runs {path}, does not answer" in status.stderr
+        stop = joshua(environment, "stop")
+        assert stop.returncode == 1
+        assert f"kill {process.pid}" in stop.stderr
+    finally:
+        os.kill(process.pid, signal.SIGCONT)

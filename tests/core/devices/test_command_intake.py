@@ -6,16 +6,11 @@ import logging
 import math
 from typing import Any
 
-import numpy as np
 import pytest
-from joshua.devices.actuator import JointLimits
-from joshua.devices.command_intake import Commanders, CommandIntake
-from joshua.devices.goal import GoalGenerator, GoalState
-from joshua.devices.joint_command import CommandReader
+from commanded_arm import Arm
+from joshua.devices.goal import GoalState
 from joshua.messages.make import joint_state
-from joshua.messages.typestore import message_class
-from joshua.plan import Commander, NodeKind, NodeSpec
-from joshua.testing.recording_context import RecordingContext
+from joshua.plan import Commander
 from stepped_time import SteppedTime
 
 LOG_NAME = "test_command_intake"
@@ -26,42 +21,6 @@ PLAN = (
 )
 
 
-class Arm:
-    """The commands of one joint on a clock that the test sets."""
-
-    def __init__(self, clock: SteppedTime, log: Any, commanders: Any = PLAN, external: Any = ()) -> None:
-        self.clock = clock
-        self.goals = GoalGenerator(JointLimits(np.full(1, -9.0), np.full(1, 9.0), np.full(1, 50.0)), 0.02)
-        self.goals.seed(np.zeros(1))
-        self.commanders = Commanders(commanders, external, self.goals, log)
-        self.arrived: list[int] = []
-        spec = NodeSpec(name="arm", kind=NodeKind.ACTUATOR, behaviour="", implementation="")
-        context = RecordingContext(spec)
-        self.intake = CommandIntake(context, self.goals, self.commanders, self.arrived.append)
-        self.readers = {topic: CommandReader(topic, ("a",), log) for topic in ("/command", "/pedal")}
-
-    def send(self, publisher: str, rad: float | None, topic: str = "/command") -> None:
-        message = joint_state([], []) if rad is None else joint_state(["a"], [rad])
-        self.intake.joint_state(self.readers[topic], message, publisher)
-
-    def play(self, publisher: str, rad: float, seconds: int) -> None:
-        duration = message_class("builtin_interfaces/msg/Duration")(seconds, 0)
-        point = message_class("trajectory_msgs/msg/JointTrajectoryPoint")(
-            np.array([rad]), np.zeros(0), np.zeros(0), np.zeros(0), duration
-        )
-        header = joint_state([], []).header
-        message = message_class("trajectory_msgs/msg/JointTrajectory")(header, ["a"], [point])
-        self.intake.trajectory(self.readers["/command"], message, publisher)
-
-    def step(self, seconds: float = 0.02) -> float:
-        """The goal after a time in steps of 20 ms, in which the joints are watched."""
-        for _ in range(round(seconds / 0.02)):
-            self.clock.sleep(0.02)
-            self.commanders.watch(self.clock.monotonic_ns())
-            goal = float(self.goals.step(self.clock.monotonic_ns())[0])
-        return goal
-
-
 @pytest.fixture
 def log(caplog: pytest.LogCaptureFixture) -> Any:
     caplog.set_level("INFO")
@@ -70,7 +29,7 @@ def log(caplog: pytest.LogCaptureFixture) -> Any:
 
 @pytest.fixture
 def arm(stepped_time: SteppedTime, log: Any) -> Arm:
-    return Arm(stepped_time, log)
+    return Arm(stepped_time, log, PLAN)
 
 
 def test_the_named_leader_commands(arm: Arm, caplog: pytest.LogCaptureFixture) -> None:
@@ -259,6 +218,61 @@ def test_a_leader_with_other_joints_than_before_lies_where_it_is(guided: Arm) ->
     assert guided.commanders.current is None
     guided.intake.joint_state(guided.readers["/command"], joint_state(["a", "b"], [1.0, 1.2]), "/guide")
     assert guided.commanders.current == "/guide"
+
+
+FAULT = "joint_1: 81 °C, at most 70 °C. Run `joshua resume arm` to re-enable torque"
+
+
+def test_commands_in_a_fault_have_no_effect_and_their_publisher_is_named_once_for_each_fault(
+    arm: Arm, caplog: pytest.LogCaptureFixture
+) -> None:
+    arm.send("/leader", 0.01)
+    arm.fault = FAULT
+    for _ in range(3):
+        arm.send("/leader", 0.02)
+        arm.send("/gamepad", 3.0)
+        arm.play("/gamepad", 3.0, 1)
+        arm.step()
+    assert arm.commanders.current == "/leader"
+    assert len(arm.arrived) == 1
+    said = [f"/command: commands from {name} have no effect: {FAULT}" for name in ("/leader", "/gamepad")]
+    assert caplog.messages == said
+    assert arm.commanders.shown == "9 commands without effect from /leader, /gamepad"
+    arm.fault = ""
+    arm.commanders.forget_ignored()
+    assert arm.commanders.shown == ""
+    arm.send("/leader", 0.02)
+    assert len(arm.arrived) == 2
+    arm.fault = FAULT
+    arm.send("/leader", 0.02)
+    assert caplog.messages == [*said, said[0]], "in the next fault again"
+
+
+def test_an_override_that_publishes_through_a_fault_is_not_reported_as_stopped(
+    arm: Arm, caplog: pytest.LogCaptureFixture
+) -> None:
+    arm.send("/gamepad", 1.0)
+    arm.fault = FAULT
+    for _ in range(100):
+        arm.send("/gamepad", 1.0)
+        arm.step()
+    assert not arm.commanders.held
+    assert not any("stopped publishing" in text for text in caplog.messages)
+    arm.step(0.3)
+    assert arm.commanders.held
+    arm.send("/gamepad", 1.0)
+    assert arm.commanders.held, "its command is not executed"
+    arm.fault = ""
+    arm.send("/gamepad", 1.0)
+    assert not arm.commanders.held
+
+
+def test_publishers_without_effect_are_bounded(arm: Arm) -> None:
+    arm = Arm(arm.clock, logging.getLogger(LOG_NAME), (), ("/command",))
+    arm.fault = FAULT
+    for number in range(300):
+        arm.send(f"/stranger{number}", 1.0)
+    assert len(arm.commanders.ignored) == 101
 
 
 def test_a_gamepad_that_publishes_cannot_be_released(arm: Arm) -> None:

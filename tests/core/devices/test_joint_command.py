@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from joshua.devices.actuator import JointLimits
 from joshua.devices.joint_command import CommandReader, LeaderMapping, TrajectoryCommand
 from joshua.messages import message_class
 from joshua.messages.make import header, joint_state
@@ -248,3 +249,63 @@ def test_the_follower_stays_in_its_range(
     mapping = LeaderMapping([joint("a", low, high)], [joint("a", follower_low, follower_high)])
     mapped = mapping.pairs[0].position_rad(position)
     assert follower_low - 1e-9 <= mapped <= follower_high + 1e-9
+
+
+def limited_reader(**leaders: LeaderMapping) -> CommandReader:
+    limits = JointLimits(np.full(3, -2.0), np.full(3, 1.5), np.full(3, 5.0))
+    return CommandReader("/command", ("a", "b", "c"), LOG, leaders, limits)
+
+
+@pytest.mark.parametrize(("value", "shown"), [(10.0, "10"), (1e300, "1e+300"), (-2.02, "-2.02")])
+def test_a_position_outside_the_limits_is_clipped_and_reported_once_for_each_commander_and_joint(
+    value: float, shown: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    one = limited_reader()
+    for publisher in ("/talker", "/moveit"):
+        for _ in range(3):
+            command = one.joint_state(joint_state(["a", "c"], [value, 0.1]), publisher)
+            assert command is not None
+            assert list(command.position_rad) == [1.5 if value > 0 else -2.0, 0.1]
+    assert caplog.messages == [
+        f"/command: {publisher} commands a to {shown} rad, its limits are -2 to 1.5 rad: the joint stays "
+        "within its limits. Further such commands are not logged"
+        for publisher in ("/talker", "/moveit")
+    ]
+    one.joint_state(joint_state(["a", "c"], [value, 7.0]), "/talker")
+    assert "/talker commands c to 7 rad" in caplog.messages[-1], "another joint"
+
+
+def test_rounding_at_a_limit_is_not_reported(caplog: pytest.LogCaptureFixture) -> None:
+    command = limited_reader().joint_state(joint_state(["a", "b"], [1.505, -2.005]), "/talker")
+    assert command is not None
+    assert list(command.position_rad) == [1.5, -2.0]
+    assert caplog.messages == []
+
+
+def test_each_point_of_a_trajectory_is_clipped(caplog: pytest.LogCaptureFixture) -> None:
+    command = limited_reader().trajectory(trajectory(["b"], (1.0, [0.5]), (2.0, [1e308]), (3.0, [-1e308])))
+    assert command is not None
+    assert command.position_rad.tolist() == [[0.5], [1.5], [-2.0]]
+    assert np.isfinite(command.at(2.5, np.zeros(1))).all()
+    assert len(caplog.messages) == 1
+    assert "commands b to 1e+308 rad" in caplog.messages[0]
+
+
+def test_a_leader_far_outside_its_range_is_reported(caplog: pytest.LogCaptureFixture) -> None:
+    mapping = LeaderMapping([JointRange("l", 0.0, 1.0)], [JointRange("b", -2.0, 1.5)])
+    one = limited_reader(**{"/leader": mapping})
+    for position in (1.09, 1.2, 1e300):
+        command = one.joint_state(joint_state(["l"], [position]), "/leader")
+        assert command is not None
+        assert list(command.position_rad) == [1.5]
+    assert caplog.messages == [
+        "/command: the leader /leader reports l at 1.2 rad, its range is 0 to 1 rad: b stays at the end "
+        "of its own range. Calibrate the leader again, or widen its position_min and position_max"
+    ]
+
+
+def test_reports_of_positions_outside_the_limits_are_bounded(caplog: pytest.LogCaptureFixture) -> None:
+    one = limited_reader()
+    for number in range(1100):
+        one.joint_state(joint_state(["a"], [9.0]), f"/stranger{number}")
+    assert len(caplog.messages) == 1000

@@ -20,10 +20,11 @@ from joshua.guardian import main
 from joshua.guardian.latch import EstopFiles, LatchFolder
 from joshua.guardian.link import GuardianError, GuardianLink
 from joshua.guardian.order import ARMED, DONE, GuardianOrder
+from processes import children_of, parent_of
 from stepped_time import SteppedTime
 
 ACTION = """
-import json, pathlib
+import json, os, pathlib
 from dataclasses import dataclass
 from joshua.guardian.safe_stop import SafeStopRequest, SafeStopResult
 
@@ -31,7 +32,7 @@ from joshua.guardian.safe_stop import SafeStopRequest, SafeStopResult
 class act(SafeStopRequest):
     file: str = ""
     def run(self):
-        pathlib.Path(self.file).write_text(json.dumps(self.to_values()))
+        pathlib.Path(self.file).write_text(json.dumps({**self.to_values(), "process_id": os.getpid()}))
         return SafeStopResult({"1": "released"})
 
 class fail(act):
@@ -251,6 +252,36 @@ def test_an_estop_that_fails_is_reported_as_failed(order: Any, tmp_path: Path) -
 def test_an_action_that_never_reports_is_ended(order: Any, action: str, detail: str) -> None:
     report = GuardianLink(replace(order(action), timeout_s=0.1)).execute()
     assert (report["complete"], report["detail"]) == (False, detail)
+
+
+def test_the_process_of_the_action_exists_before_it_is_needed(order: Any, tmp_path: Path) -> None:
+    link = GuardianLink(order())
+    (waiting,) = children_of(link.process_id)
+    assert b"joshua-guardian: safe-stop action" in Path(f"/proc/{waiting}/cmdline").read_bytes()
+    assert link.execute()["complete"]
+    assert done(tmp_path)["process_id"] == waiting
+    assert parent_of(waiting) == 0
+
+
+def test_an_action_whose_waiting_process_was_killed_is_carried_out(order: Any, tmp_path: Path) -> None:
+    link = GuardianLink(order())
+    (waiting,) = children_of(link.process_id)
+    os.kill(waiting, signal.SIGKILL)
+    assert link.execute()["complete"]
+    assert done(tmp_path)["action"] == "HOLD"
+
+
+def test_the_waiting_process_ends_with_its_guardian(order: Any) -> None:
+    link = GuardianLink(order())
+    (waiting,) = children_of(link.process_id)
+    os.kill(link.process_id, signal.SIGKILL)
+    with pytest.raises(GuardianError, match="has ended"):  # noqa: PT012 (the fork knew the link)
+        while True:
+            link.beat()
+            time.sleep(0.01)
+    while parent_of(waiting):
+        time.sleep(0.01)
+    link.done()
 
 
 def test_a_guardian_that_does_not_listen_guards_nobody(order: Any) -> None:

@@ -1,8 +1,14 @@
 from __future__ import annotations
 
+import errno
+import os
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
-from joshua.guardian.latch import EstopFiles, EstopReport, LatchFolder, Subject
+import pytest
+from joshua.guardian.latch import EstopFiles, EstopOrder, EstopReport, LatchFolder, Subject, new_latch
+from small_disk import SmallDisk, small_disk
 
 ARM = Subject("desk", 5, "/arm")
 
@@ -65,11 +71,100 @@ def test_reports_of_another_estop_do_not_count(tmp_path: Path) -> None:
 def test_orders_are_found_again(tmp_path: Path) -> None:
     files = EstopFiles(str(tmp_path / "estop"))
     assert files.read_order("/arm") is None
-    files.leave_order("/arm", "acme.arm:stop", {"ids": [1]})
-    assert files.read_order("/arm") == ("acme.arm:stop", {"ids": [1]})
+    order = EstopOrder("acme.arm:stop", {"ids": [1]}, [{"process_id": 7}])
+    files.leave_order("/arm", order)
+    assert files.read_order("/arm") == order
+    assert files.read_report("/arm", "1") is None
 
 
 def test_a_run_without_directory_writes_nothing() -> None:
     files = EstopFiles("")
-    files.leave_order("/arm", "acme.arm:stop", {})
+    files.leave_order("/arm", EstopOrder("acme.arm:stop", {}))
     assert files.read_order("/arm") is None
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[SmallDisk]:
+    with small_disk(tmp_path / "disk", size_bytes=256 * 1024, inodes=200) as disk:
+        yield disk
+
+
+def test_without_space_the_spare_file_becomes_a_latch_for_every_actuator(disk: SmallDisk) -> None:
+    folder = LatchFolder(disk.path / "estop")
+    folder.keep_spare()
+    folder.keep_spare()
+    disk.fill()
+    with pytest.raises(OSError, match="\\[Errno") as caught:
+        folder.set("desk", "/desk.pbtxt", 5, ["/arm"])
+    assert caught.value.errno == errno.ENOSPC
+    latch = folder.set_without_space(new_latch("desk", "/desk.pbtxt", 5, ["/arm"]))
+    assert not latch.has_content
+    assert folder.standing(Subject("another", 9, "/lift")) == latch
+    assert "counts for every actuator" in latch.text
+    assert sorted(os.listdir(folder.path)) == [f"{latch.identifier}.json"]
+
+    again = folder.set_without_space(new_latch("another", "/other.pbtxt", 9, ["/lift"]))
+    assert again.identifier != latch.identifier, "drivers obey each e-stop by its identifier"
+    assert folder.all() == [again]
+    folder.clear(again)
+    assert folder.all() == []
+    assert not folder.set_without_space(new_latch("desk", "/desk.pbtxt", 5, ["/arm"])).has_content
+
+
+def test_without_space_an_older_latch_of_the_robot_is_renamed_and_keeps_its_content(disk: SmallDisk) -> None:
+    folder = LatchFolder(disk.path / "estop")
+    folder.keep_spare()
+    older = folder.set("desk", "/desk.pbtxt", 5, ["/arm"])
+    disk.fill()
+    latch = folder.set_without_space(new_latch("desk", "/desk.pbtxt", 5, ["/arm"]))
+    assert latch == replace(older, identifier=latch.identifier)
+    assert folder.all() == [latch]
+    assert folder.standing(Subject("another", 9, "/lift")) is None
+    other = folder.set_without_space(new_latch("another", "/other.pbtxt", 9, ["/lift"]))
+    assert not other.has_content, "that of another robot is of no use"
+    assert latch in folder.all()
+
+
+def test_a_released_latch_leaves_no_content_in_the_spare_file(disk: SmallDisk) -> None:
+    folder = LatchFolder(disk.path / "estop")
+    folder.clear(folder.set("desk", "/desk.pbtxt", 5, ["/arm"]))
+    disk.fill()
+    latch = folder.set_without_space(new_latch("another", "/other.pbtxt", 9, ["/lift"]))
+    assert folder.standing(Subject("another", 9, "/lift")) == latch
+
+
+def test_a_read_only_folder_takes_no_latch(disk: SmallDisk) -> None:
+    folder = LatchFolder(disk.path / "estop")
+    folder.keep_spare()
+    disk.make_read_only()
+    for refused in (
+        lambda: folder.set("desk", "/desk.pbtxt", 5, ["/arm"]),
+        lambda: folder.set_without_space(new_latch("desk", "/desk.pbtxt", 5, ["/arm"])),
+    ):
+        with pytest.raises(OSError, match="\\[Errno") as caught:
+            refused()
+        assert caught.value.errno == errno.EROFS
+    folder.keep_spare()
+    folder.clear(new_latch("desk", "/desk.pbtxt", 5, ["/arm"]))  # there is none to release
+
+
+def test_reports_and_orders_are_written_without_space_after_the_first_order(disk: SmallDisk) -> None:
+    files = EstopFiles(str(disk.path / "files"))
+    order = EstopOrder("acme.arm:stop", {"ids": [1]})
+    files.leave_order("/arm", order)
+    assert files.has_order("/arm")
+    disk.fill()
+    long = EstopReport("1", "/arm", "driver", False, False, {f"joint_{n}": "released" for n in range(50)})
+    short = EstopReport("2", "/arm", "guardian", True, True)
+    for report in (long, short):
+        assert files.report(report)
+        assert files.read_report("/arm", report.latch) == report
+    changed = replace(order, processes=[{"process_id": 7}])
+    files.leave_order("/arm", changed)
+    assert files.read_order("/arm") == changed
+    with pytest.raises(OSError, match="No space left"):
+        files.leave_order("/other", order)
+    assert not files.report(EstopReport("1", "/other", "driver", True, True))
+    disk.free()
+    (disk.path / "files" / "arm.report.json").unlink()
+    assert not files.has_order("/arm")

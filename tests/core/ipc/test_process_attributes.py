@@ -26,6 +26,24 @@ print(open("/proc/self/comm").read())
     assert run(program) == ["a_rather_long_n"]
 
 
+def test_a_fork_shows_a_command_line_of_its_own():
+    program = """
+import os, sys
+from joshua.ipc.process_attributes import set_command_line
+if os.fork() == 0:
+    set_command_line("short")
+    print(open("/proc/self/cmdline").read().rstrip(chr(0)), flush=True)
+    set_command_line("too long " * 1000)
+    print(len(open("/proc/self/cmdline").read().rstrip(chr(0))), flush=True)
+    os._exit(0)
+os.wait()
+line = open("/proc/self/cmdline").read()
+print("set_command_line" in line, len(line) - 1)
+"""
+    shown, length, kept, length_before = run(program)
+    assert (shown, length, kept) == ("short", length_before, "True")
+
+
 def test_a_child_gets_the_death_signal_of_its_parent():
     program = """
 import os, signal, time

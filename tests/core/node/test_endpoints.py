@@ -37,7 +37,7 @@ def test_no_codec_is_left_to_be_compiled_by_the_first_message(
 
 
 @pytest.mark.parametrize("simulated_ns", [None, 5])
-@pytest.mark.parametrize("declare", ["subscribe", "subscribe_named"])
+@pytest.mark.parametrize("declare", ["subscribe", "subscribe_with_writer"])
 def test_a_message_is_received_on_the_clock_of_the_stamps(
     declare: str, simulated_ns: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -85,7 +85,7 @@ def test_a_calibration_of_the_robot_is_judged_once_and_where_it_stands(tmp_path)
     error, note = examine(Request(str(path))).diagnostics
     assert (error.code, error.severity) == ("out-of-range", Severity.ERROR)
     assert error.field_path == "calibration.arms[0].motors[0].range_max"
-    assert str(error.position) == f"{folder / 'rig-1.pbtxt'}:3:59"
+    assert str(error.position) == f"{folder / 'rig-1.pbtxt'}:3:64"
     assert (note.code, note.severity) == ("calibration-unknown-node", Severity.NOTE)
     assert note.allowed[0] == '"leader"'
 

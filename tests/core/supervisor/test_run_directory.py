@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,12 +13,14 @@ from pathlib import Path
 
 import pytest
 from joshua.ipc.client import running_systems
-from joshua.ipc.run_bases import RunDirectoryError
+from joshua.ipc.run_bases import RunDirectoryError, base_directories
 from joshua.supervisor.run_directory import (
     NodesInUseError,
     RunDirectory,
-    physics_folder,
+    socket_folder,
 )
+from joshua.supervisor.starting import started_processes, starting
+from small_disk import small_disk
 
 
 def make(base, nodes=("/arm", "/left/camera"), domain_id=7):
@@ -94,8 +97,8 @@ def test_the_socket_of_a_simulation_outlives_nobody(tmp_path):
     base = tmp_path / "base"
     program = (
         "import os, signal, sys\nfrom pathlib import Path\n"
-        "from joshua.supervisor.run_directory import physics_folder\n"
-        "with physics_folder(Path(sys.argv[1])) as folder:\n"
+        "from joshua.supervisor.run_directory import socket_folder\n"
+        "with socket_folder(Path(sys.argv[1]), 'physics') as folder:\n"
         "    (folder / 'bus.sock').write_text('')\n    print(folder, flush=True)\n"
         "    os.kill(os.getpid(), signal.SIGKILL)\n"
     )
@@ -104,10 +107,10 @@ def test_the_socket_of_a_simulation_outlives_nobody(tmp_path):
     left = Path(killed.stdout.strip())
     assert (left / "bus.sock").exists()
 
-    with physics_folder(base) as mine:
+    with socket_folder(base, "physics") as mine:
         assert not left.exists()
         assert mine.stat().st_mode & 0o777 == 0o700
-        with physics_folder(base):
+        with socket_folder(base, "physics"):
             assert mine.exists(), "its owner lives"
         make(base).close()
         assert mine.exists()
@@ -156,3 +159,50 @@ def test_the_log_is_pointed_to(tmp_path):
     assert (run.path / "log.jsonl").read_text() == "{}"
     run.close()
     assert (tmp_path / "x.jsonl").exists()
+
+
+def test_a_run_needs_space_and_leaves_a_spare_file_for_an_estop(tmp_path):
+    with small_disk(tmp_path / "disk", size_bytes=256 * 1024, inodes=200) as disk:
+        base = disk.path / "joshua"
+        make(base).close()
+        (base / "estop" / "spare").unlink()
+        disk.fill()
+        with pytest.raises(RunDirectoryError, match=r"No space left on device\. Free space"):
+            make(base)
+        disk.free()
+        run = make(base)
+        assert (base / "estop" / "spare").read_bytes() == b""
+        run.close()
+
+
+def test_a_directory_that_vanishes_on_a_full_disk_keeps_its_nodes_and_comes_back_later(tmp_path):
+    with small_disk(tmp_path / "disk", size_bytes=256 * 1024, inodes=200) as disk:
+        base = disk.path / "joshua"
+        run = make(base)
+        shutil.rmtree(base / "runs")
+        disk.fill()
+        for _ in range(2):
+            with pytest.raises(RunDirectoryError):
+                run.restore()
+        assert running_systems(base) == []
+        disk.free()
+        with pytest.raises(NodesInUseError, match=f"held by process {os.getpid()}"):
+            make(base)
+        assert run.restore()
+        assert not run.restore()
+        assert [path for path, _ in running_systems(base)] == [run.path]
+        run.close()
+
+
+def test_a_run_on_a_disk_that_becomes_read_only_is_still_found(tmp_path):
+    with small_disk(tmp_path / "disk", size_bytes=256 * 1024, inodes=200) as disk:
+        base = disk.path / "joshua"
+        run = make(base)
+        disk.make_read_only()
+        assert [path for path, _ in running_systems(base)] == [run.path]
+        assert base in base_directories({"XDG_RUNTIME_DIR": str(disk.path)})
+        with starting(base):
+            assert started_processes([base]) == set()
+        run.close()
+        assert running_systems(base) == []
+        disk.make_writable()

@@ -14,6 +14,7 @@ import pytest
 from joshua.ipc.client import ask, running_systems
 from joshua.supervisor.run_directory import NodesInUseError, RunDirectory
 
+READY = "all nodes ready after"
 LOST = "joshua estop and stop do not find this run"
 
 
@@ -44,6 +45,7 @@ def test_a_run_makes_its_place_anew_and_is_found_again(robot: Any) -> None:
 
     def remove_and_stop() -> None:
         path, info = wait_for_run(base)
+        wait_until(lambda: READY in robot.ui.text())  # a stop during the start may kill the node
         put_in_the_way(base, "for a moment")
         wait_until(lambda: LOST in robot.ui.text())
         base.unlink()
@@ -87,3 +89,21 @@ def test_a_place_that_cannot_be_made_anew_stops_no_node(robot: Any) -> None:
     thread.join()
     assert report.exit_code == 0, robot.ui.text()
     assert robot.ui.text().count(LOST) == 1
+
+
+def test_a_control_socket_that_is_removed_comes_back(robot: Any) -> None:
+    base = robot.options().run_base
+
+    def remove_and_stop() -> None:
+        path, _ = wait_for_run(base)
+        wait_until(lambda: READY in robot.ui.text())
+        (path / "control.sock").unlink()
+        again, _ = wait_for_run(base)
+        assert ask(again / "control.sock", {"request": "stop"}, 60.0) == {"stopping": True}
+
+    thread = threading.Thread(target=remove_and_stop)
+    thread.start()
+    report = robot.run(robot.node("Quiet"), duration_s=90.0, status_period_s=0.1)
+    thread.join()
+    assert report.exit_code == 0, robot.ui.text()
+    assert "stopped by `joshua stop`" in robot.ui.text()

@@ -25,10 +25,10 @@ class Process:
 
     def __init__(self, state: str = "ready", reason: str = "") -> None:
         self.records = {ARM: SimpleNamespace(state=state, reason=reason, doing="in its loop")}
-        self.sent: list[ipc.Call] = []
+        self.sent: list[Any] = []
         self.revived = 0
 
-    def send(self, message: ipc.Call) -> None:
+    def send(self, message: Any) -> None:
         self.sent.append(message)
 
     def revive(self) -> None:
@@ -58,6 +58,60 @@ class Desk:
         answer = self.requests.handlers()["call"]({"node": "arm", "verb": "wave", **request}, client)
         assert isinstance(answer, dict)
         return answer
+
+
+LATCH = {
+    "identifier": "e1",
+    "robot": "desk",
+    "source": "/desk.pbtxt",
+    "domain_id": 7,
+    "nodes": [ARM],
+    "since": "today",
+    "process_id": 1,
+}
+
+
+def estop(desk: Desk, **request: Any) -> tuple[Any, list[dict[str, Any]]]:
+    """What an e-stop answers at once, and where its reports arrive."""
+    reports: list[dict[str, Any]] = []
+    client: Any = SimpleNamespace(closed=False, send=reports.append)
+    return desk.requests.handlers()["estop"]({"process_id": 5, **request}, client), reports
+
+
+def test_an_estop_reaches_the_nodes_and_their_reports_the_command() -> None:
+    process = Process()
+    desk = Desk(process)
+    answer, reports = estop(desk, latch=LATCH)
+    assert answer == {"noted": True}
+    assert process.sent == [ipc.Estop(latch=LATCH, stored=True)]
+    desk.requests.estopped(ipc.Estopped(node=ARM, report={"latch": "e1"}))
+    assert reports == [{"report": {"latch": "e1"}}]
+    desk.requests.ready(process)  # type: ignore[arg-type]
+    assert len(process.sent) == 1, "a restarted node reads the file"
+    assert estop(desk, released=True, held_only=True)[0] == {"noted": True, "held": False}
+    assert len(process.sent) == 1, "nothing was held here, so nothing is released"
+
+
+def test_an_estop_that_is_no_file_is_kept_for_restarted_nodes_until_its_release() -> None:
+    process = Process()
+    desk = Desk(process)
+    told = ipc.Estop(latch=LATCH, stored=False)
+    estop(desk, latch=LATCH, stored=False)
+    desk.requests.ready(process)  # type: ignore[arg-type]
+    assert process.sent == [told, told]
+    assert estop(desk, released=True, held_only=True)[0] == {"noted": True, "held": True}
+    assert process.sent[2:] == [ipc.Estop()]
+    desk.requests.ready(process)  # type: ignore[arg-type]
+    assert len(process.sent) == 3
+
+
+@pytest.mark.parametrize("latch", [{}, {**LATCH, "more": 1}, {**LATCH, "nodes": 3}, 7, [LATCH]])
+def test_an_estop_of_nonsense_is_refused_and_told_to_nobody(latch: Any) -> None:
+    process = Process()
+    desk = Desk(process)
+    answer, _ = estop(desk, latch=latch)
+    assert answer["code"] == "invalid"
+    assert process.sent == []
 
 
 @pytest.mark.parametrize(("waits", "sent"), [([True], 1), ([False], 0), ([False, True], 1)])

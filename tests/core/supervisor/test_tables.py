@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 
+import pytest
 from joshua.plan import (
     Diagnostic,
     NodeReport,
@@ -18,8 +19,8 @@ from joshua.plan import (
     TransportSettings,
 )
 from joshua.plan.events import LogEntry, NodeRow, NodeStatus, RunStatus, StartTable
+from joshua.supervisor.node_record import commanded_by, visible_to
 from joshua.supervisor.node_record import start_table as start_table_of
-from joshua.supervisor.node_record import visible_to
 from joshua.supervisor.tables import (
     Cell,
     Screen,
@@ -220,6 +221,17 @@ def test_what_a_node_tells_people_comes_first_in_the_status_line():
     assert line == "running 4 s | /keyboard [driving ON: pan +] | /arm joint_states 50.0 Hz"
 
 
+def test_an_arm_in_fault_names_the_nodes_whose_commands_it_ignores():
+    shown = "5 commands without effect from /leader"
+    nodes = (
+        NodeStatus(
+            "/arm", "fault", 1, 0, shown=shown, reason="too hot", published_hz={"/arm/joint_states": 50.0}
+        ),
+    )
+    (line,) = status_lines(RunStatus("r", "m", "running", 4.0, 1, nodes))
+    assert line == f"running 4 s | /arm fault [{shown}]"
+
+
 def test_the_report_shows_cadence_failures_and_the_reason():
     report = RunReport(
         exit_code=1,
@@ -305,3 +317,38 @@ def test_a_log_line_has_local_time_level_and_node(monkeypatch):
 def test_control_characters_are_made_visible():
     assert clean("a\x00\x1b\x7f\x9bz ä\t\n") == "a\\x00\\x1b\\x7f\\x9bz ä\t\n"
     assert clean(os.linesep) == os.linesep
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({}, "from this user and root; other users of this machine can only watch"),
+        ({"open_to_local_users": True}, "unprotected: everyone who reaches tcp/localhost:7447 can command"),
+        (
+            {"listen_endpoints": ("tcp/0.0.0.0:7447",)},
+            "unprotected: everyone who reaches tcp/0.0.0.0:7447 can command",
+        ),
+        (
+            {"connect_endpoints": ("tcp/robot.local:7447",)},
+            "unprotected: everyone who reaches tcp/localhost:7447, tcp/robot.local:7447 can command",
+        ),
+        (
+            {"listen_endpoints": ("tls/0.0.0.0:7447",)},
+            "from everyone with a certificate of the authority in root_ca_file",
+        ),
+        (
+            {"kind": "dds"},
+            "unprotected: every user of this machine can command, because DDS without SROS 2 has no access "
+            "control",
+        ),
+        (
+            {"kind": "dds", "discovery_range": "SUBNET"},
+            "unprotected: everyone in the local network can command, because DDS without SROS 2 has no "
+            "access control",
+        ),
+        ({"discovery_range": "OFF"}, ""),
+        ({"kind": "acme"}, ""),
+    ],
+)
+def test_the_start_table_says_who_can_command(values, text):
+    assert commanded_by(TransportSettings(**values)) == text

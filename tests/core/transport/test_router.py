@@ -80,7 +80,7 @@ def test_a_survivor_takes_the_place_of_a_killed_router(zenoh_spec, opener, progr
 
 
 def test_a_port_that_something_else_holds_is_named(monkeypatch):
-    monkeypatch.setattr("joshua.transport.zenoh.router._ANSWER_S", 1.0)
+    monkeypatch.setattr("joshua.transport.zenoh.machine_router._ANSWER_S", 1.0)
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()

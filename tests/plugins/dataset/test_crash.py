@@ -7,6 +7,7 @@ import random
 import shutil
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -102,19 +103,29 @@ def test_repair_needs_a_data_set_without_a_writer(tmp_path: Path) -> None:
     writer.close()
 
 
-def test_torn_journal_is_discarded(tmp_path: Path) -> None:
+def test_an_episode_with_a_torn_journal_is_moved_aside(tmp_path: Path) -> None:
     run_and_kill(tmp_path, 40, 25)
     (open_folder(tmp_path) / "episode.json").write_text('{"episode_ind')
-    assert "is discarded; 1 episodes are complete" in repair(tmp_path)
+    before = {path.name: path.read_bytes() for path in open_folder(tmp_path).iterdir()}
+    said = repair(tmp_path)
+    assert "cannot be completed: it has no valid journal. Its files were moved to " in said
+    aside = Path(said.rpartition(" ")[2])
+    assert {path.name: path.read_bytes() for path in aside.iterdir()} == before
     assert lengths(tmp_path) == [25]
+    assert "is complete: 1 episodes" in repair(tmp_path)
 
 
-def add_twice(writer: LeRobotWriter, count: int) -> None:
-    add(writer, count)
+def end_twice(writer: LeRobotWriter, count: int) -> None:
+    writer.end_episode("wave")
     add(writer, count)
 
 
 def add(writer: LeRobotWriter, count: int) -> None:
+    add_frames(writer, count)
+    writer.end_episode("wave")
+
+
+def add_frames(writer: LeRobotWriter, count: int) -> None:
     import numpy as np
 
     for number in range(count):
@@ -122,7 +133,6 @@ def add(writer: LeRobotWriter, count: int) -> None:
         values: dict[str, Any] = {"observation.state": [number, 0], "action": [number, 1]}
         values |= {killed_writer.TOP: picture, killed_writer.SIDE: picture}
         writer.add_frame(Frame(number, values))
-    writer.end_episode("wave")
 
 
 class Disk(Files):
@@ -137,11 +147,15 @@ class Disk(Files):
 
     def sync(self, path: Path) -> None:
         super().sync(path)
+        if threading.current_thread() is not threading.main_thread():
+            return  # of the open episode, beside the steps of a commit
         self.contents[path.stat().st_ino] = path.read_bytes()
         self._cut()
 
     def sync_folder(self, folder: Path) -> None:
         super().sync_folder(folder)
+        if threading.current_thread() is not threading.main_thread():
+            return
         self.names[folder] = {entry.name: entry.inode() for entry in os.scandir(folder)}
         self._cut()
 
@@ -207,9 +221,10 @@ def test_kill_between_the_steps_of_a_commit(tmp_path: Path, after: int) -> None:
     writer = LeRobotWriter(killed_writer.layout(tmp_path / "set"), disk)
     writer.open()
     add(writer, 3)
+    add_frames(writer, 4)
     limit = disk.cuts + after + 1
     with pytest.raises(Killed):
-        add_twice(writer, 4)  # the second one where the first took fewer steps
+        end_twice(writer, 4)  # the second one where the first took fewer steps
     writer._lock.release()  # as the kernel does
     before = lengths(tmp_path / "set")
     assert before[0] == 3
@@ -217,5 +232,6 @@ def test_kill_between_the_steps_of_a_commit(tmp_path: Path, after: int) -> None:
     found = lengths(tmp_path / "set")
     assert found[: len(before)] == before
     assert found[1:] in ([4], [4, 4])
+    assert Dataset.read(tmp_path / "set").statistics()["action"]["count"].tolist() == [sum(found)]
     assert not list((tmp_path / "set").rglob("*.new"))
     assert "is complete" in repairing.repair(tmp_path / "set")

@@ -31,28 +31,33 @@ def test_a_disk_that_becomes_read_only_in_mid_episode(tmp_path: Path) -> None:
     command = ["unshare", "--mount", sys.executable, read_only_disk.__file__, str(image), str(place)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 0, done.stderr
-    remedy = "The disk is read-only: `dmesg` says why. Mount it again, or name another local_path"
+    remedy = "The disk is read-only: `dmesg` says why. Mount it again"
     found: dict[str, Any] = json.loads(done.stdout)
     for form, what in (("lerobot", "frame"), ("mcap", "message of /[a-z_/]+")):
         end = found[form]
-        begin = f"{re.escape(str(place / form))} takes no {what}: \\[Errno 30\\] Read-only file system"
+        begin = (
+            f"episode 1 ended early: {re.escape(str(place / form))} takes no {what}: \\[Errno 30\\] "
+            "Read-only file system"
+        )
         assert re.match(begin, end["message"]), end["message"]
         assert end["message"].endswith(remedy)
-        assert f"the episode is lost, 1 are kept: {place / form} takes no " in done.stderr
+        assert "keep them with `joshua record keep`, or discard them" in done.stderr
         assert end["refused"].startswith(
             f"{place / form} cannot be written: [Errno 30] Read-only file system"
         )
         assert end["refused"].endswith(remedy)
-        assert (end["phase"], end["kept"], end["failures"]) == ("ready", 1, [])
+        assert (end["phase"], end["kept"], end["failures"]) == ("stopped", 1, [])
         assert end["length"] >= 10
     assert found["lerobot"]["pictures"] == found["lerobot"]["length"]
     assert "Traceback" not in done.stderr
 
 
 def test_an_error_of_the_disk_names_its_remedy() -> None:
-    assert reason(OSError(30, "Read-only file system")).endswith("Mount it again, or name another local_path")
+    assert reason(OSError(30, "Read-only file system")).endswith("`dmesg` says why. Mount it again")
     assert reason(OSError(5, "Input/output error")).endswith("error. Check the disk and its cable")
-    assert reason(OSError(13, "Permission denied")) == "[Errno 13] Permission denied"
+    assert reason(OSError(13, "Permission denied")).endswith("Make it readable and writable for your user")
+    assert reason(OSError(28, "No space left on device")).endswith("device. Free some space")
+    assert reason(OSError(2, "No such file or directory")) == "[Errno 2] No such file or directory"
     assert reason(ValueError("no number")) == "no number"
 
 

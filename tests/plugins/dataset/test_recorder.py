@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import queue
 import threading
 import time
@@ -11,13 +13,16 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from joshua.api import RefusedError
 from joshua.api.nodes import ServiceFacts
-from joshua.features import EpisodeError, Feature
+from joshua.features import Feature
 from joshua.messages.make import joint_state
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.testing.recording_context import RecordingContext
+from joshua_dataset.changes import Change
 from joshua_dataset.reader import Dataset
 from joshua_dataset.recorder import Recorder
+from joshua_dataset.repair import repair
 from joshua_dataset.session import Phase
 from joshua_dataset.settings import StoreSettings
 from joshua_dataset.writer import DatasetWriter
@@ -136,15 +141,59 @@ def test_a_last_episode_without_a_frame_is_recorded_anew(cell: Cell, tmp_path: P
     assert Dataset.read(tmp_path / "waves").episodes == 1
 
 
-def test_an_episode_that_the_disk_refuses_does_not_count(cell: Cell, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*arguments: Any) -> None:
-        raise EpisodeError("the disk is full")
+def test_an_episode_that_the_disk_refuses_waits_until_it_is_kept(
+    cell: Cell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def refuse(change: Change) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def refusal() -> str:
+        """Starts an episode, again if the messages became stale meanwhile; returns why it is refused."""
+        while True:
+            cell.feed()
+            with pytest.raises(RefusedError) as refused:
+                cell.recorder.start()
+            if "every topic" not in str(refused.value):
+                return str(refused.value)
 
     with monkeypatch.context() as patch:
-        patch.setattr(DatasetWriter, "end_episode", refuse)
-        cell.run_until(lambda: "the disk is full" in cell.recorder.status().message)
-    found = cell.recorder.status()
-    assert (found.phase, found.kept) == ("ready", 0)
+        patch.setattr(Change, "commit", refuse)
+        cell.run_until(lambda: "No space left" in cell.recorder.status().message)
+        found = cell.recorder.status()
+        assert (found.phase, found.kept) == ("stopped", 0)
+        assert found.frames > 0
+        folder = tmp_path / "waves"
+        assert found.message == (
+            f"{folder}: the episode cannot be kept: No space left on device. Nothing of it was removed: "
+            f"it is in {folder}/.joshua/open. Free some space, then run `joshua record keep`"
+        )
+        with pytest.raises(RefusedError, match="No space left"):
+            cell.recorder.keep()
+        assert "No space left" in refusal()  # it keeps the waiting one first
+        again = cell.recorder.status()
+        assert (again.phase, again.kept, again.frames) == ("stopped", 0, found.frames)
     assert cell.context.ends == []
-    cell.recorder.start()
+    assert cell.recorder.keep().startswith(f"episode 0 is kept: {found.frames} frames")
     cell.run_until(lambda: cell.context.ends)
+    assert Dataset.read(folder).frames == found.frames
+
+
+def test_an_episode_that_no_disk_takes_is_left_for_a_repair(
+    cell: Cell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def refuse(change: Change) -> None:
+        raise OSError(errno.EDQUOT, os.strerror(errno.EDQUOT))
+
+    folder = tmp_path / "waves"
+    with monkeypatch.context() as patch:
+        patch.setattr(Change, "commit", refuse)
+        cell.run_until(lambda: "quota" in cell.recorder.status().message)
+        frames = cell.recorder.status().frames
+        cell.recorder.deactivate()
+        assert cell.recorder.status().message.endswith(
+            f"Free some space, or have your disk quota raised, then run `joshua dataset repair {folder}`"
+        )
+        cell.context.stop()
+        cell.recorder.cleanup()
+    assert f"episode 0 is completed with {frames} frames" in repair(folder)
+    assert Dataset.read(folder).frames == frames

@@ -71,7 +71,8 @@ def test_a_silent_servo_is_left_out_or_named(emulator: EmulatedBus, open_bus: An
     with open_bus(emulator, reply_margin_s=BRISK_S) as bus:
         assert set(bus.sync_read(132, 4, IDS)) == {1, 3}
         with pytest.raises(
-            NoReply, match=r"ttyACM0.*: id 2 does not answer a read in 5 attempts\. Check its cable"
+            NoReply,
+            match=r"ttyACM0.*: id 2 does not answer a read: no reply to \d+ requests in .*Check its cable",
         ):
             bus.read(2, reg.MODEL)
 

@@ -82,6 +82,18 @@ def test_a_chunk_that_does_not_arrive_ends_in_a_hold_by_a_ramp() -> None:
     assert back.max() < 0.4, "back by a ramp, too"
 
 
+def test_joints_far_outside_their_limits_are_kept_with_their_first_position() -> None:
+    machine = Machine()
+    machine.predict(np.array([[2.05, 0.0], [0.0, 0.0]]))
+    assert machine.loop.outside == {}, "a trained model misses a limit by 0.05 rad"
+    machine.clock_ns += PERIOD_NS
+    machine.play(1)
+    machine.predict(np.array([[0.0, 3.0], [0.0, 1e300]]))
+    machine.play(1)
+    machine.predict(np.array([[-9.0, 7.0]]))
+    assert machine.loop.outside == {"a": -9.0, "b": 1e300}
+
+
 def test_late_steps_are_skipped_and_what_is_left_is_the_queue() -> None:
     machine = Machine()
     machine.predict(line(10), late=3)

@@ -247,12 +247,13 @@ def test_a_slow_model_does_not_stop_the_timer(model: Any) -> None:
     assert rows["observations on /seen"]
 
 
-def test_actions_are_clipped_to_the_limits(model: Any) -> None:
+def test_actions_are_clipped_to_the_limits(model: Any, caplog: pytest.LogCaptureFixture) -> None:
     model.chunk = np.array([[5.0, -5.0]])
     context, node = start(spec(subscriptions=(), facts={"joints": JOINTS}))
-    play_until(context, 1)
+    play_until(context, 10)
     end(context, node)
     assert actions(context)[0] == [1.0, -0.1]
+    assert caplog.text.count("the model commands b to -5 rad, its limits are -0.1 to 0.1 rad") == 1
 
 
 @pytest.mark.parametrize(

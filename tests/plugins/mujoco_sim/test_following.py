@@ -94,6 +94,20 @@ def test_commands_move_the_joints_that_they_name(world: World, context: Recordin
     commands.close()
 
 
+def test_commands_outside_the_range_of_a_joint_are_named_once(
+    world: World, context: RecordingContext, caplog: pytest.LogCaptureFixture
+) -> None:
+    commands = Commands(world, context)
+    commands.subscribe()
+    with caplog.at_level(logging.WARNING):
+        for value in (99.0, 1e300):
+            say(context, "~/joint_commands", gripper=value)
+    (said,) = (record.getMessage() for record in caplog.records)
+    assert said.startswith("~/joint_commands: a command for gripper is outside its range of ")
+    assert said.endswith(" rad; the joint stays within its range")
+    commands.close()
+
+
 def test_commands_that_are_no_commands_are_named_once(
     world: World, context: RecordingContext, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -74,6 +74,27 @@ def test_a_path_brings_its_identity_along(tmp_path: Path) -> None:
     assert (entry.path, entry.identity) == (str(link), "usb:L1")
 
 
+@pytest.mark.parametrize("identity", [{}, {"serial_number": "R1", "vid_pid": "1a86:55d3"}])
+def test_an_adapter_at_its_path_is_found_without_reading_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, identity: dict[str, str]
+) -> None:
+    for number in range(3):
+        plug(tmp_path, f"ttyACM{number}", f"L{number}")
+    right = plug(tmp_path, "ttyACM3", "R1")
+    read_text = Path.read_text
+    read: list[Path] = []
+
+    def noted(path: Path, *args: Any, **options: Any) -> str:
+        read.append(path)
+        return read_text(path, *args, **options)
+
+    monkeypatch.setattr(Path, "read_text", noted)
+    entry = resolve(Endpoint(right, device_root=str(tmp_path), **identity))
+    assert (entry.path, entry.identity) == (right, "usb:R1")
+    assert read
+    assert all("ttyACM3" in str(path) for path in read)
+
+
 def test_an_absent_adapter_is_named_with_the_ports_that_there_are(tmp_path: Path) -> None:
     plug(tmp_path, "ttyACM0", "L1")
     with pytest.raises(

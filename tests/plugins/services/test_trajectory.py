@@ -36,6 +36,7 @@ robot {
 """
 ARM = "/arm/follow_joint_trajectory/_action"
 JOINTS = ("joint_1", "joint_2")
+LOG = "rcl_interfaces/msg/Log"
 STATUS = "action_msgs/msg/GoalStatusArray"
 
 
@@ -58,9 +59,14 @@ class Client:
         )
         latched = QosProfile(durability="TRANSIENT_LOCAL", depth=1)
         node.create_subscription(f"{ARM}/status", STATUS, latched, self._take_status)
+        self.logged: list[str] = []
+        node.create_subscription("/rosout", LOG, QosProfile(), self._take_log)
 
     def _take_feedback(self, sample: Any) -> None:
         self.feedback.append(decode(f"{ACTION}_FeedbackMessage", sample.cdr).feedback)
+
+    def _take_log(self, sample: Any) -> None:
+        self.logged.append(decode(LOG, sample.cdr).msg)
 
     def _take_status(self, sample: Any) -> None:
         listed = decode(STATUS, sample.cdr).status_list
@@ -210,6 +216,33 @@ def test_a_goal_that_cannot_be_carried_out_is_not_accepted(client: Client) -> No
     assert client.send((1.0, [0.0]), (0.5, [0.0]), joints=("joint_1",))[1] is False
     assert client.send((1.0, [0.0, 0.0]), joints=("joint_1",))[1] is False
     assert client.result(uuid.uuid4().bytes) == (UNKNOWN, 0, "")
+
+
+@pytest.mark.parametrize("position_rad", [10.0, -1e300, 3.2])
+def test_a_goal_outside_the_limits_is_not_accepted_and_keeps_the_one_that_runs(
+    client: Client, position_rad: float
+) -> None:
+    running, accepted = client.send((20.0, [0.5, 0.0]))
+    assert accepted
+    assert client.send((1.0, [0.0, 0.0]), (2.0, [0.0, position_rad]))[1] is False
+    reason = (
+        f"a goal of FollowJointTrajectory is refused: point 1 commands joint_2 to {position_rad:.4g} rad, "
+        "its limits are -3.142 to 3.14 rad. Plan within these limits"
+    )
+    until(lambda: reason in client.logged)
+    assert client.cancel(running) == (0, 1)
+    assert client.result(running)[0] == CANCELED
+
+
+@pytest.mark.parametrize(("start_rad", "accepted"), [(3.2, True), (3.3, False)])
+def test_a_trajectory_may_start_where_a_joint_rests_slightly_outside_its_limits(
+    client: Client, start_rad: float, accepted: bool
+) -> None:
+    identifier, is_accepted = client.send((0.0, [start_rad]), (0.2, [0.1]), joints=("joint_1",))
+    assert is_accepted is accepted
+    if accepted:
+        client.cancel(identifier)
+        client.result(identifier)
 
 
 def test_parameters_become_values_and_back() -> None:

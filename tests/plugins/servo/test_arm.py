@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 from joshua.devices.errors import DeviceDisconnected, DeviceError
 from joshua_emulator import EmulatedBus
 from joshua_serial.errors import PortDisconnected
-from joshua_servo.errors import CalibrationMismatch, NoReply, NotCalibrated, NotEnabled
+from joshua_servo.errors import CalibrationMismatch, NoReply, NotCalibrated, NotEnabled, SafetyTripped
 from patience import BRISK_S
 from servo_families import Kind, drive_to, energised
 
@@ -50,6 +51,71 @@ def test_enabling_seeds_the_goal_where_the_arm_is(
     assert servos[0]["present_position"] == 2300
     held = arm_emulator.ask("registers", id=1)["registers"]
     assert {name: held[name] for name in registers} == registers
+
+
+@pytest.mark.parametrize("volts", [2.0, 20.0])
+def test_a_wrong_supply_voltage_gets_no_torque(
+    volts: float, arm_emulator: EmulatedBus, make_arm: Any
+) -> None:
+    """While it runs, an arm tolerates a brief dip; that is no reason to begin with a wrong voltage."""
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    usual_volts = arm_emulator.ask("state")["volts"]
+    arm_emulator.ask("set", volts=volts)
+    with pytest.raises(SafetyTripped, match=rf"torque stays off: shoulder_pan.* {volts:.1f} V"):
+        arm.enable()
+    assert not any(entry["on"] for entry in arm_emulator.log("torque"))
+    assert not arm.enabled
+    arm_emulator.ask("set", volts=usual_volts)
+    arm.enable()
+    assert energised(arm_emulator) == {True}
+
+
+@pytest.mark.parametrize(("bad", "is_refused"), [(1, False), (2, False), (3, True)])
+def test_as_many_samples_as_a_protection_needs_are_read_before_torque(
+    bad: int, is_refused: bool, arm_emulator: EmulatedBus, make_arm: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    arm.prepare()
+    read = arm._state.settled_feedback
+    left = [bad]
+
+    def dips() -> Any:
+        readings = read()
+        if left[0] > 0 and not any(entry["on"] for entry in arm_emulator.log("torque")):
+            left[0] -= 1
+            return [readings[0]._replace(voltage_v=1.0), *readings[1:]]
+        return readings
+
+    monkeypatch.setattr(arm, "prepare", lambda: None)
+    monkeypatch.setattr(arm._state, "settled_feedback", dips)
+    if is_refused:
+        with pytest.raises(SafetyTripped, match=r"torque stays off: shoulder_pan: 1\.0 V, allowed"):
+            arm.enable()
+        assert energised(arm_emulator) == {False}
+    else:
+        arm.enable()
+        assert energised(arm_emulator) == {True}
+
+
+def test_a_voltage_that_is_wrong_now_and_then_gets_no_torque(
+    arm_emulator: EmulatedBus, make_arm: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm = make_arm(arm_emulator)
+    arm.connect()
+    read = arm._state.settled_feedback
+    turn = itertools.cycle((0, 0, 1, 1))
+
+    def flickers() -> Any:
+        readings = read()
+        readings[next(turn)] = readings[0]._replace(voltage_v=1.0)
+        return readings
+
+    monkeypatch.setattr(arm._state, "settled_feedback", flickers)
+    with pytest.raises(SafetyTripped, match="the supply voltage leaves its allowed range again and again"):
+        arm.enable()
+    assert energised(arm_emulator) == {False}
 
 
 def test_enabling_without_a_first_reading_energises_nothing(arm_emulator: EmulatedBus, make_arm: Any) -> None:
@@ -194,7 +260,7 @@ def test_a_mute_servo_does_not_keep_the_others_from_holding(arm_emulator: Emulat
     arm.write(far)
     arm_emulator.fault("silent", 3)
     arm.bus.reply_margin_s = BRISK_S
-    arm.bus.retries = 100
+    arm.bus.patience_s = 10.0
     with pytest.raises(NoReply, match=r"elbow_flex \(id 3\) no longer answers"):
         arm.hold()
     assert arm.bus.counters.lost[3] <= 10, "however many retries there are"

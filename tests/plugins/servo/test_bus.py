@@ -26,7 +26,7 @@ def positions(kind: Kind, bus: Any) -> dict[int, int]:
 def test_lost_and_corrupt_packets_are_asked_for_again(fault: str, kind: Kind, emulator: EmulatedBus) -> None:
     emulator.hand({1: 1000, 2: 1500, 3: 2000})
     emulator.fault(fault, 0.3)
-    with kind.open_bus(emulator, retries=100) as bus:
+    with kind.open_bus(emulator, patience_s=10.0) as bus:
         for _ in range(20):
             assert positions(kind, bus) == {1: 1000, 2: 1500, 3: 2000}
         assert bus.counters.retries > 0
@@ -60,7 +60,7 @@ def test_a_late_reply_never_passes_for_the_next_one(
         phase = math.tau * 0.8 * elapsed_s + 0.7 * (servo_id - 1)
         return 2048 + min(1.0, elapsed_s) * 1.2 * math.sin(phase) * 4096 / math.tau
 
-    with kind.open_bus(emulator, retries=8) as bus:
+    with kind.open_bus(emulator, patience_s=1.0) as bus:
         accepted = 0
         while accepted < 450:
             sent_s = time.monotonic()
@@ -80,9 +80,10 @@ def test_a_servo_that_stays_silent_is_left_out_or_named(kind: Kind, emulator: Em
     emulator.fault("silent", 2)
     with kind.open_bus(emulator, reply_margin_s=0.1) as bus:
         assert set(positions(kind, bus)) == {1, 3}
-        assert bus.counters.lost[2] == 5, "asked once and four times more"
+        assert bus.counters.lost[2] >= 4, "asked for as long as the patience lasts"
         with pytest.raises(
-            NoReply, match=r"ttyACM0.*: id 2 does not answer a read in 5 attempts\. Check its cable"
+            NoReply,
+            match=r"ttyACM0.*: id 2 does not answer a read: no reply to \d+ requests in .*Check its cable",
         ):
             bus.read(2, kind.family.present_position)
         with pytest.raises(NoReply, match="id 2 does not answer a write of torque_enable"):

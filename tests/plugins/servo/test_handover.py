@@ -19,9 +19,12 @@ from joshua_servo.handover import open_unguarded
 
 AT_WORK = """
 import sys
+from joshua.guardian.order import PROCESS_TITLE
+from joshua.ipc.process_attributes import set_title
 from joshua_serial.port import SerialPort
 from joshua_serial.usb_ports import Endpoint
-SerialPort(Endpoint(sys.argv[2]), 1_000_000).open()
+set_title(PROCESS_TITLE)
+SerialPort(Endpoint(sys.argv[1]), 1_000_000).open()
 print("at work", flush=True)
 sys.stdin.read()
 """
@@ -39,7 +42,7 @@ def port() -> Iterator[SerialPort]:
 def guardian(port: SerialPort) -> Iterator[subprocess.Popen[str]]:
     """A process that looks like a guardian and has the port."""
     process = subprocess.Popen(
-        [sys.executable, "-c", AT_WORK, "joshua.guardian.main", port.endpoint.path],
+        [sys.executable, "-c", AT_WORK, port.endpoint.path],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

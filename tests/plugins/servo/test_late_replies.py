@@ -7,6 +7,7 @@ so that hypothesis can try thousands of requests.
 from __future__ import annotations
 
 import itertools
+from functools import partial
 from typing import Any
 
 import pytest
@@ -14,24 +15,17 @@ from hypothesis import Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule, run_state_machine_as_test
 from joshua.devices.errors import DeviceError
+from joshua.guardian.silence import Patience
 from joshua_dynamixel import registers as dynamixel
 from joshua_dynamixel.bus import Bus as DynamixelBus
-from joshua_emulator.dynamixel.bus import DynamixelBus as EmulatedDynamixel
-from joshua_emulator.dynamixel.models import MODELS
 from joshua_emulator.dynamixel.packets import status_packet as dynamixel_packet
-from joshua_emulator.dynamixel.servo import Servo as DynamixelServo
-from joshua_emulator.event_log import EventLog
-from joshua_emulator.faults import Faults
-from joshua_emulator.feetech.bus import FeetechBus
 from joshua_emulator.feetech.packets import status_packet as feetech_packet
-from joshua_emulator.feetech.servo import Servo as FeetechServo
-from joshua_emulator.joint import Joint
-from joshua_emulator.servo_bus.servo import Supply
 from joshua_servo import bus as servo_bus
 from joshua_servo.register import Register
 from joshua_sts3215 import registers as sts
 from joshua_sts3215.bus import Bus as Sts3215Bus
 from stepped_time import SteppedTime
+from virtual_families import virtual_servos
 from virtual_line import STRANGER, Line
 
 IDS = (1, 2, 3)
@@ -61,6 +55,9 @@ class LateReplies(RuleBasedStateMachine):
         self.clock._monotonic_ns = 10**12  # the same rounding in every run
         self.patch = pytest.MonkeyPatch()
         self.patch.setattr(servo_bus, "time", self.clock)
+        self.patch.setattr(
+            servo_bus, "Patience", partial(Patience, clock=self.clock.monotonic, waited=lambda: 0.0)
+        )
         self.servos, self.line = self.make()
         self.bus = self.bus_type(self.line)
         self.values = itertools.count(1)
@@ -97,16 +94,16 @@ class LateReplies(RuleBasedStateMachine):
         ids=st.sampled_from([IDS, (1, 3), (2,), (3, 1)]),
         which=st.integers(0, 9),
         fates=st.lists(FATES, max_size=16),
-        retries=st.integers(0, 4),
+        within_s=st.sampled_from([None, 0.0, 0.06]),
     )
     def sync_read(
-        self, ids: tuple[int, ...], which: int, fates: list[tuple[str, float]], retries: int
+        self, ids: tuple[int, ...], which: int, fates: list[tuple[str, float]], within_s: float | None
     ) -> None:
         register = self.registers[which % len(self.registers)][0]
         for servo_id in ids:
             self.put(servo_id, register, self.fresh(servo_id, which)[1])
         self.line.fates = iter(fates)
-        found = self.bus.sync_read(register.address, register.width, ids, retries=retries)
+        found = self.bus.sync_read(register.address, register.width, ids, within_s=within_s)
         assert {i: register.decode(data) for i, data in found.items()} == {
             i: self.held(i, register) for i in found
         }
@@ -153,12 +150,7 @@ class FeetechReplies(LateReplies):
     )
 
     def make(self) -> tuple[dict[int, Any], Line]:
-        servos = {}
-        for servo_id in IDS:
-            servos[servo_id] = FeetechServo(Joint(2048.0), Supply())
-            servos[servo_id].put("id", servo_id)
-            servos[servo_id].put("return_delay", 0)
-        emulated = FeetechBus(list(servos.values()), EventLog(), Faults())
+        servos, emulated = virtual_servos("feetech", IDS)
         return servos, Line(emulated, self.clock, feetech_packet)
 
 
@@ -171,12 +163,7 @@ class DynamixelReplies(LateReplies):
     )
 
     def make(self) -> tuple[dict[int, Any], Line]:
-        servos = {}
-        for servo_id in IDS:
-            servos[servo_id] = DynamixelServo(MODELS["xl330-m077"], Joint(2048.0), Supply(5.0))
-            for name, value in (("id", servo_id), ("baudrate", 3), ("return_delay", 0)):
-                servos[servo_id].put(name, value)
-        emulated = EmulatedDynamixel(list(servos.values()), EventLog(), Faults())
+        servos, emulated = virtual_servos("dynamixel", IDS)
         return servos, Line(emulated, self.clock, dynamixel_packet)
 
 

@@ -141,3 +141,60 @@ def test_goals_of_the_arm_still_move_it(relaxed_arm: Any) -> None:
     goal = relaxed_arm.read().position_rad + np.array([0.1, 0, 0, 0, 0, 0])
     while abs(relaxed_arm.read().position_rad[0] - goal[0]) > 0.01:
         relaxed_arm.write(goal)
+
+
+UNCALIBRATED = {"allow_uncalibrated": True, "external": ("/arm/command",)}
+WARNING = (
+    "the arm is not calibrated, so it is unknown which joint is the gripper. A joint that stalls loses its "
+    "torque alone, and the others keep theirs. Name the gripper in the file, for example "
+    "joint { motor_id: 6 gripper: true }, or calibrate the arm"
+)
+
+
+@pytest.mark.parametrize("stalled", [3, GRIPPER])
+def test_without_a_calibration_the_joint_that_stalls_relaxes_alone_and_the_start_says_so(
+    stalled: int, arm_emulator: EmulatedBus, make_arm: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    arm = make_arm(arm_emulator, UNCALIBRATED, calibrated=False)
+    arm.connect()
+    assert [text.partition(": ")[2] for text in caplog.messages] == [WARNING]
+    arm.enable()
+    arm_emulator.fault("overload", stalled)
+    arm.read()
+    assert torque(arm_emulator) == [servo_id != stalled for servo_id in (*ARM, GRIPPER)]
+    assert list(arm.relaxed) == [arm.joint_names[stalled - 1]]
+    arm.rejoin()
+    assert energised(arm_emulator) == {True}
+
+
+def test_heat_takes_the_torque_off_an_uncalibrated_arm(arm_emulator: EmulatedBus, make_arm: Any) -> None:
+    arm = make_arm(arm_emulator, UNCALIBRATED, calibrated=False)
+    arm.connect()
+    arm.enable()
+    arm_emulator.ask("set", id=3, temperature_c=85)
+    with pytest.raises(SafetyTripped, match="joint_3"):
+        arm.read()
+    assert energised(arm_emulator) == {False}
+
+
+@pytest.mark.parametrize(
+    "joint", [{"motor_id": GRIPPER, "gripper": True}, {"gripper": False}], ids=["named", "none"]
+)
+def test_a_file_that_says_which_joint_is_a_gripper_is_obeyed(
+    joint: dict[str, Any], arm_emulator: EmulatedBus, make_arm: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    arm = make_arm(arm_emulator, UNCALIBRATED, calibrated=False, joint=[joint])
+    arm.connect()
+    assert caplog.messages == []
+    arm.enable()
+    arm_emulator.fault("overload", 3)
+    with pytest.raises(SafetyTripped, match="joint_3: the servo reports: overloaded"):
+        arm.read()
+    assert energised(arm_emulator) == {False}
+
+
+def test_a_leader_without_a_calibration_has_nothing_to_relax(
+    arm_emulator: EmulatedBus, make_arm: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    make_arm(arm_emulator, {"allow_uncalibrated": True}, calibrated=False).connect()
+    assert caplog.messages == []

@@ -162,6 +162,16 @@ def test_hold_does_not_energise_what_is_off(kind: Kind, arm_emulator: EmulatedBu
     assert energised(arm_emulator) == {False}
 
 
+@pytest.mark.parametrize("echo", [False, True])
+def test_a_known_echo_is_not_looked_for(kind: Kind, echo: bool) -> None:
+    with kind.emulated_bus((1, 2, 3, 4, 5, 6), echo=echo) as emulator:
+        for known, probes in ((None, 1), (echo, 0)):
+            sequence = emulator.log()[-1]["sequence"] if emulator.log() else 0
+            report = kind.stop(request_for(emulator, "HOLD", echo=known))
+            assert set(report.joints.values()) == {"was off"}
+            assert len(emulator.log("sync_write", since=sequence)) == probes
+
+
 def test_park_goes_to_the_pose_and_lets_go(kind: Kind, moving_arm: EmulatedBus) -> None:
     pose = dict.fromkeys(range(1, 7), 2100)
     report = kind.stop(request_for(moving_arm, "PARK_THEN_RELEASE", park_ticks=pose))
@@ -295,8 +305,10 @@ def test_a_request_survives_json(kind: Kind, moving_arm: EmulatedBus) -> None:
 
 def test_the_driver_prepares_the_request(kind: Kind, arm_emulator: EmulatedBus) -> None:
     arm = kind.driver(arm_emulator)
+    assert arm.safe_stop_request("HOLD").echo is None
     arm.connect()
     request = arm.safe_stop_request("PARK_THEN_RELEASE", park_pose_rad=[0.0] * 6)
+    assert request.echo is False
     assert request.park_ticks == dict.fromkeys(range(1, 7), 2048)
     assert request.serial_number == "ARM1"
     with pytest.raises(

@@ -26,8 +26,8 @@ def note_spreads(reader: StateReader) -> list[int]:
     spreads_ns: list[int] = []
     timed = reader._timed
 
-    def noted(*, retries: int | None) -> Any:
-        found = timed(retries=retries)
+    def noted(within_s: float) -> Any:
+        found = timed(within_s)
         spreads_ns.append(found[2])
         return found
 
@@ -40,7 +40,7 @@ def test_the_stamp_is_that_of_the_positions_after_a_silence(kind: Kind, emulator
     start_s = emulator.log("motion")[-1]["t_ns"] / 1e9
     epoch_s = time.time() - time.monotonic()
     time.sleep(max(0.0, start_s + 1.0 - time.monotonic()))  # until it swings as far as it will
-    with kind.open_bus(emulator, retries=12) as bus:
+    with kind.open_bus(emulator) as bus:
         parse = kind.family.parse_feedback
         names = {servo_id: str(servo_id) for servo_id in IDS}
         reader = StateReader(bus, kind.family, names, lambda values: [parse(value) for value in values])

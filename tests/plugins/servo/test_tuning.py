@@ -148,7 +148,7 @@ def test_a_servo_that_does_not_answer_the_read_of_its_settings_is_named(
     feetech_arm.fault("silent", 6)
     arm.bus.reply_margin_s = BRISK_S
     try:
-        with pytest.raises(NoReply, match="no reply from ids 6 to a read of their settings"):
+        with pytest.raises(NoReply, match="ids 6 do not answer a read of their settings"):
             arm._tuning.apply()
     finally:
         arm.disconnect()

@@ -115,6 +115,33 @@ def test_new_motors_get_their_ids_one_after_the_other(new_motors: EmulatedBus) -
     assert {servo["lock"] for servo in new_motors.servos()} == {1}
 
 
+def test_a_motor_in_alarm_is_named_when_it_gets_its_id_and_in_the_chain(new_motors: EmulatedBus) -> None:
+    new_motors.ask("set", slot=1, temperature_c=85)
+    new_motors.ask("set", volts=16.0)
+    with program("setup", "--port", new_motors.port, "--ids", "1-2") as joshua:
+        joshua.wait(PROMPT)
+        connect(new_motors, 1)
+        joshua.enter()
+        text = joshua.wait(PROMPT)
+        alarm = (
+            "warning: the motor of joint_2 (id 2) is in alarm: voltage out of range, too hot; "
+            "85 °C, at most 70 °C; 16.0 V, allowed 4.0 to 14.0 V. Find the cause "
+            "(a blocked joint, heat, the supply) before you start the arm"
+        )
+        assert alarm in text
+        assert "joint_2 (id 2): changed from id 1" in text
+        new_motors.ask("set", volts=12.0)
+        connect(new_motors, 0)
+        joshua.enter()
+        joshua.wait(PROMPT)
+        connect(new_motors, 0, 1)
+        joshua.enter()
+        code, text = joshua.end()
+    assert code == 0
+    assert "the motor of joint_2 (id 2) is in alarm: too hot; 85 °C, at most 70 °C." in text
+    assert "the motor of joint_1" not in text
+
+
 def test_two_motors_at_once_and_none_are_refused(new_motors: EmulatedBus) -> None:
     with program("setup", "--port", new_motors.port, "--ids", "1-3") as joshua:
         joshua.wait(PROMPT)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
+import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,6 +14,7 @@ from pathlib import Path
 from subprocess import PIPE, Popen
 from typing import Any
 
+import killed_prune
 import pytest
 from joshua.cli.main import main
 from joshua_training.run_folder import RunError, RunFolder
@@ -304,6 +307,58 @@ def test_what_cannot_be_removed_is_named(
     assert f"{run.path} cannot be removed: Permission denied" in err
     with pytest.raises(RunError, match="gone cannot be removed: No such file or directory"):
         remove(Removal(RunFolder(tmp_path / "gone"), tmp_path / "gone", "another command removed it", 0))
+
+
+def test_one_that_cannot_be_removed_keeps_no_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = training(tmp_path, "first"), training(tmp_path, "second")
+    for run in (first, second):
+        aged(run, 10)
+    rename = Path.rename
+
+    def refused(path: Path, target: Path) -> Path:
+        if path == first.path:
+            raise OSError(errno.EROFS, "Read-only file system")
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "rename", refused)
+    code, out, err = command(capsys, "prune", str(tmp_path), "--older-than", "1", "--yes")
+    assert code == 1
+    assert f"{first.path} cannot be removed: Read-only file system" in err
+    assert not second.path.exists()
+    assert len(first.checkpoints()) == 2
+    assert "Removed: " in out
+
+
+def test_a_run_that_cannot_be_read_is_left_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = training(tmp_path, "old")
+    aged(run, 10)
+    scandir = os.scandir
+
+    def refused(path: Any = ".") -> Any:
+        if str(path).endswith("checkpoints"):
+            raise OSError(errno.EIO, "Input/output error", str(path))
+        return scandir(path)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "scandir", refused)
+        for words in (("--older-than", "1"), ("--empty",), ("--keep-checkpoints", "0")):
+            code, out, err = command(capsys, "prune", str(tmp_path), *words, "--yes")
+            assert (code, out) == (0, "Nothing to remove\n")
+            assert f"{run.path} is left alone, because {run.path}/checkpoints cannot be read: Input" in err
+    assert len(run.checkpoints()) == 2
+
+
+def test_a_prune_that_is_killed_before_any_file_operation_is_completed_by_the_next(tmp_path: Path) -> None:
+    words = [sys.executable, killed_prune.__file__, str(tmp_path)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["wrong"] == [], done.stderr
+    assert found["operations"] > 8
 
 
 @pytest.mark.parametrize(

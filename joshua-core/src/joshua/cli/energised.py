@@ -10,8 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from joshua.guardian.energised import EnergisedFolder, EnergisedRecord
-from joshua.supervisor.run_directory import energised_folder
+from joshua.guardian.energised import EnergisedFolder, EnergisedRecord, energised_folder
 
 if TYPE_CHECKING:
     import argparse

@@ -59,7 +59,7 @@ def _simulate(checked: Checked, stack: ExitStack) -> tuple[Checked, dict[str, Co
         The file, and the coupling of each emulated device by node name.
     """
     from joshua.ipc.run_bases import RunDirectoryError, short_base_directory
-    from joshua.supervisor.run_directory import physics_folder
+    from joshua.supervisor.run_directory import PHYSICS_FOLDER, socket_folder
 
     simulated = checked.simulated
     if simulated is None:
@@ -70,7 +70,7 @@ def _simulate(checked: Checked, stack: ExitStack) -> tuple[Checked, dict[str, Co
         return checked, {}
     try:
         base = short_base_directory(os.environ, len("/physics/01234567/bus.sock"))
-        socket = stack.enter_context(physics_folder(base)) / "bus.sock"
+        socket = stack.enter_context(socket_folder(base, PHYSICS_FOLDER)) / "bus.sock"
     except RunDirectoryError as error:
         raise NotStartedError(str(error), ExitCode.FAILED) from error
     links = {name: replace(device, socket=socket) for name, device in simulated.coupled.items()}

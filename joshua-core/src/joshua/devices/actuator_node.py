@@ -1,4 +1,7 @@
-"""The node of an actuator: publishes its state, executes commands, leaves the joints in their safe state."""
+"""The node of an actuator: publishes its state, executes commands, leaves the joints in their safe state.
+
+Why one file: one class, the life of an actuator from its configuration to its safe state.
+"""
 
 from __future__ import annotations
 
@@ -69,7 +72,7 @@ class ActuatorNode(NodeBehaviour):
         self._last_state = GoalState.WAITING
         self._test = ActuatorTest(spec)
         self._safety = ActuatorSafety(context)
-        self._status = ActuatorStatus(spec)
+        self._status = ActuatorStatus(spec, 1 / self._rate_hz)
         self._stopped_by = ""
         self._diagnostics: DiagnosticsPublisher | None = None
 
@@ -120,8 +123,14 @@ class ActuatorNode(NodeBehaviour):
         if not self._is_leader:
             facts = self._facts
             self._commanders = Commanders(facts.commanders, facts.external, self._goals, self.context.log)
-            intake = CommandIntake(self.context, self._goals, self._commanders, self._arrivals.arrived)
+            intake = CommandIntake(
+                self.context, self._goals, self._commanders, self._arrivals.arrived, self._ignores_commands
+            )
             self._commands = [intake.subscribe(topic, actuator.joint_names) for topic in spec.subscriptions]
+
+    def _ignores_commands(self) -> str:
+        """Why commands have no effect; "" if they have. On a transport thread."""
+        return "" if self._energised else self._status.fault
 
     def _check_joints(self, before: tuple[str, ...], after: tuple[str, ...]) -> None:
         """Refuses a driver whose joints differ from the plan's, or change when it connects."""
@@ -158,6 +167,7 @@ class ActuatorNode(NodeBehaviour):
         actuator, goals = self._device()
         actuator.prepare()  # a device that restarts for that may count differently, also for its guardian
         goals.seed(actuator.read().position_rad)
+        self._safety.prepare_estop()
         self._safety.guard(actuator)
         self._safety.energising()
         # Whatever fails from here on requires the safe state.
@@ -165,6 +175,10 @@ class ActuatorNode(NodeBehaviour):
         actuator.enable()
         self._safety.in_doubt = False
         self._safety.beat()
+
+    def estop(self) -> None:
+        """Obeys an e-stop at once, without waiting for the next look at its file."""
+        self._watch()
 
     def verb_providers(self) -> tuple[object, ...]:
         """The node's own verbs, those of its goals and those of its driver."""
@@ -186,6 +200,10 @@ class ActuatorNode(NodeBehaviour):
             actuator.check()
         except DeviceError as error:
             raise RefusedError(f"{name}: the check of the device failed: {error}") from error
+        try:
+            self._safety.prepare_estop()
+        except DeviceError as error:
+            raise RefusedError(str(error)) from error
         try:
             if self._energised:
                 self._rejoin()
@@ -314,6 +332,7 @@ class ActuatorNode(NodeBehaviour):
         """Sends the guardian a heartbeat and obeys an e-stop."""
         actuator, _ = self._device()
         self._safety.beat()
+        self._safety.keep_files()
         if self._commanders is not None:
             self._commanders.watch(time.monotonic_ns())
         latch = self._safety.latch()
@@ -354,10 +373,14 @@ class ActuatorNode(NodeBehaviour):
         if self._is_commanded and self._safety.latch() is None:
             reason = f"{reason.rstrip('.')}. Run `joshua resume {spec.name}` to {aim}"
         self._status.fault = reason
+        if self._commanders is not None:
+            self._commanders.forget_ignored()
         self.context.fault(reason)
 
     def _leave_fault(self) -> None:
         self._status.fault = ""
+        if self._commanders is not None:
+            self._commanders.forget_ignored()
         self.context.fault("")
 
     def _diagnosed(self, actuator: Actuator) -> list[DiagnosticStatus]:

@@ -5,20 +5,27 @@ from __future__ import annotations
 import contextlib
 import os
 import threading
+import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from joshua.devices.actuator import Actuator
 from joshua.devices.errors import DeviceError
+from joshua.guardian import standby
 from joshua.guardian.energised import EnergisedNote, EnergisedRecord
-from joshua.guardian.latch import EstopFiles, EstopReport, Latch, LatchFolder, Subject
+from joshua.guardian.latch import EstopFiles, EstopOrder, EstopReport, Latch, LatchFolder, Subject
 from joshua.guardian.link import GuardianError, GuardianLink
 from joshua.guardian.order import HANG_LIMIT_S, GuardianOrder
+from joshua.ipc.process_mark import ProcessMark
 from joshua.node.context import NodeContext
 from joshua.plan import ActuatorFacts, SafeStop
 
 #: Time limit of an e-stop that acts on a device without its driver.
 ESTOP_TIMEOUT_S = 2.0
+
+#: Interval of looking whether the files of the e-stop are still there.
+FILES_PERIOD_S = 1.0
 
 HOLD, RELEASE, PARK = "HOLD", "RELEASE", "PARK_THEN_RELEASE"
 
@@ -42,6 +49,8 @@ class ActuatorSafety:
         self._subject = Subject(run.robot, run.domain_id, self._node)
         self._files = EstopFiles(run.estop_files)
         self._note = EnergisedNote("", "", EnergisedRecord(self._node, run.robot, run.source, 0, run.run))
+        self._order: EstopOrder | None = None
+        self._files_due_s = 0.0
         self.in_doubt = False
 
     def introduce(self, actuator: Actuator) -> None:
@@ -54,7 +63,9 @@ class ActuatorSafety:
         if action:
             with contextlib.suppress(NotImplementedError):  # the error is reported when torque is requested
                 request = actuator.safe_stop_request(RELEASE, timeout_s=ESTOP_TIMEOUT_S).to_values()
-                self._files.leave_order(self._node, action, request)
+                self._order = EstopOrder(action, request)
+                with contextlib.suppress(OSError):  # reported when torque is requested
+                    self._leave_order()
         facts, run = self._facts, self._facts.run
         stays_energised = bool(request) or facts.keeps_last_goal
         if not stays_energised or facts.dry_run or facts.simulation is not None:
@@ -101,11 +112,46 @@ class ActuatorSafety:
     def remembered(self) -> dict[str, Any]:
         """For a restarted driver: how the previous one in the same run reached the device."""
         order = self._files.read_order(self._node) if self._facts.restarted else None
-        return {} if order is None else order[1]
+        return {} if order is None else dict(order.request)
 
     def latch(self) -> Latch | None:
         """The latched e-stop, if any. Takes some microseconds."""
-        return None if self._latches is None else self._latches.standing(self._subject)
+        stored = None if self._latches is None else self._latches.standing(self._subject)
+        return stored or self._context.held_estop
+
+    def prepare_estop(self) -> None:
+        """Creates what an e-stop needs on a full file system. Raises DeviceError if that fails."""
+        try:
+            if self._latches is not None:
+                self._latches.keep_spare()
+            self._leave_order()
+        except OSError as error:
+            folder = self._facts.run.latch_folder
+            raise DeviceError(
+                f"{self._node}: the joints are not energised, because an e-stop might not be possible: "
+                f"{error.filename or folder}: {error.strerror or error}. Free space there and try again"
+            ) from error
+
+    def keep_files(self) -> None:
+        """Creates the files of an e-stop again if they have vanished with their folder."""
+        now_s = time.monotonic()
+        if now_s < self._files_due_s:
+            return
+        self._files_due_s = now_s + FILES_PERIOD_S
+        with contextlib.suppress(OSError):  # the supervisor reports the folder
+            if self._latches is not None:
+                self._latches.keep_spare()
+            if not self._files.has_order(self._node):
+                self._leave_order()
+
+    def _leave_order(self) -> None:
+        if self._order is None:
+            return
+        marks = [ProcessMark.of(os.getpid(), "driver")]
+        if self._link is not None:
+            marks.append(ProcessMark.of(self._link.process_id, "guardian"))
+        processes = [mark.to_values() for mark in marks]
+        self._files.leave_order(self._node, replace(self._order, processes=processes))
 
     def guard(self, actuator: Actuator) -> None:
         """Starts the guardian if the plan names its action. Raises DeviceError if it does not start."""
@@ -138,6 +184,8 @@ class ActuatorSafety:
                 f"would stop them in an emergency does not run: {error}"
             ) from error
         self._context.log.debug("guardian: process %d", self._link.process_id)
+        with contextlib.suppress(OSError):  # the next look tries again
+            self._leave_order()
 
     def apply(self, actuator: Actuator) -> None:
         """Applies the safe state, to be completed by ``finish``. Raises what the device raises."""
@@ -165,6 +213,8 @@ class ActuatorSafety:
             DeviceError: it does not confirm that its torque is off. Then ``finish`` lets the guardian act.
         """
         if self._link is not None:
+            with contextlib.suppress(GuardianError):  # the next line reports that it is gone
+                self._link.release_only()  # the guardian cannot see an e-stop that is not a file
             self._say_stopping()
         said = self._release(actuator, latch)
         self.stand_down()
@@ -196,6 +246,8 @@ class ActuatorSafety:
         self.confirmed_off()
         if link is not None:  # its end takes longer than the hang limit of a control loop
             threading.Thread(target=link.done, name="guardian's end", daemon=True).start()
+        else:
+            standby.forget(self._node)
 
     def before_torque_off(self) -> None:
         """Announces that the driver switches the torque off. If that fails, the guardian does it.
@@ -212,6 +264,8 @@ class ActuatorSafety:
         """Ends the guardian, or lets it act if the driver could not. Raises DeviceError if that fails."""
         link, self._link = self._link, None
         if link is None:
+            if self._applied:  # without its guardian, which was gone
+                standby.forget(self._node)
             return
         if self._applied == RELEASE or (self._applied and self.latch() is None):
             link.done()
@@ -251,7 +305,9 @@ class ActuatorSafety:
 
     def _report(self, latch: Latch, *, complete: bool, verified: bool, **more: Any) -> None:
         values = {"joints": {}, "detail": "", **more}
-        self._files.report(EstopReport(latch.identifier, self._node, "driver", complete, verified, **values))
+        report = EstopReport(latch.identifier, self._node, "driver", complete, verified, **values)
+        self._files.report(report)
+        self._context.estopped(report)
 
     def _request(self, actuator: Actuator, stop: SafeStop, action: str) -> dict[str, Any]:
         pose = stop.park_pose_rad if action == PARK else ()

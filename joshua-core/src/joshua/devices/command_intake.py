@@ -10,9 +10,10 @@ from typing import Any
 
 from joshua.devices.errors import DeviceError
 from joshua.devices.goal import GoalGenerator
-from joshua.devices.joint_command import CommandReader, LeaderMapping
+from joshua.devices.joint_command import CommandReader, LeaderMapping, shown_publisher
 from joshua.node.cadence import TrafficFigures
 from joshua.node.context import NodeContext
+from joshua.node.writers import Writer
 from joshua.plan import ActuatorFacts, Commander, TopicSpec
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -27,7 +28,7 @@ OVERRIDE_LOST_AFTER_S = 0.2
 FREE_AFTER_S = 0.5
 
 # names come from outside, so the table is bounded
-_MOST_REFUSED = 100
+_MOST_PUBLISHERS = 100
 
 
 class Commanders:
@@ -36,8 +37,10 @@ class Commanders:
     The plan names who may command; on an external topic any node may. The first to publish has control until
     it has not published for ``FREE_AFTER_S``. An override takes control at once, a leader arm once it has
     moved, and keeps it: if it stops, the joints hold until ``release`` returns control or the override
-    publishes again. Every other command is refused. Hold ``lock`` from the decision to the action, because
-    commands arrive on several threads.
+    publishes again. Every other command is refused. The commander is a writer, so that it stays the same when
+    the name of its node arrives after its first messages. A command is read after ``permits`` and before
+    ``take_control``, so an invalid one changes nothing. Hold ``lock`` from the decision to the action,
+    because commands arrive on several threads.
 
     Args:
         commanders: those named by the plan; external: topics on which others may publish.
@@ -45,75 +48,139 @@ class Commanders:
         log: where refusals and changes of control are reported.
 
     Attributes:
-        current: full name of the commander, None if there is none, "" for one that is not a ROS 2 node.
         overriding: it is an override; held: the override has stopped publishing.
         overrides: full names and topics of the overrides.
         refused: number of refused commands, by the name of the publisher.
+        ignored: number of valid commands that had no effect since the last fault began, in the same way.
     """
 
     def __init__(
         self, commanders: Iterable[Commander], external: Iterable[str], goals: GoalGenerator, log: Any
     ) -> None:
         commanders = tuple(commanders)
-        self._named = {(one.node, one.topic): one.override for one in commanders}
+        self._named = {(named.node, named.topic): named.override for named in commanders}
         self.overrides = frozenset(key for key, override in self._named.items() if override)
-        self._motion_rad = {(one.node, one.topic): one.motion_rad for one in commanders if one.motion_rad}
+        self._motion_rad = {
+            (named.node, named.topic): named.motion_rad for named in commanders if named.motion_rad
+        }
         self._rest: dict[tuple[str, str], tuple[tuple[str, ...], tuple[float, ...]]] = {}
         self._external = frozenset(external)
+        self._topics_of_named = {named.topic for named in commanders}
         self._goals = goals
         self._log = log
         self._until_ns = 0
         self.lock = threading.Lock()
-        self.current: str | None = None
+        self._current: Writer | None = None
         self.overriding = self.held = False
         self.refused: dict[str, int] = {}
+        self.ignored: dict[str, int] = {}
 
-    def admit(self, publisher: str, topic: str, now_ns: int) -> bool:
-        """Whether to execute a command of a node, with the lock held. ``now_ns`` is monotonic."""
-        override = self._named.get((publisher, topic))
+    @property
+    def current(self) -> str | None:
+        """Full name of the commander; "" for one without a known node, None if there is none."""
+        return None if self._current is None else self._current.name
+
+    def is_current(self, writer: Writer) -> bool:
+        """Whether a publisher belongs to the commander."""
+        return writer.same_node(self._current)
+
+    def permits(self, writer: Writer, topic: str, now_ns: int) -> bool:
+        """Whether a publisher may command at present, with the lock held. ``now_ns`` is monotonic.
+
+        Changes nothing but the number of refused commands. A publisher whose name may still arrive has to
+        wait where its name decides: if the plan names commanders of the topic, or if another one commands.
+        """
+        if writer.awaits_name and (topic not in self._external or topic in self._topics_of_named):
+            return False
+        override = self._named.get((writer.name, topic))
         if override is None and topic not in self._external:
             return self._refuse(
-                publisher,
+                writer,
                 topic,
                 "the configuration does not name it as a commander. To accept commands from outside the "
                 "file, set external: true on this subscription",
             )
         if self.overriding and not override:
             return False
-        if not override and publisher != self.current and now_ns < self._until_ns:
-            return self._refuse(publisher, topic, f"{_shown(self.current)} is the commander")
-        if publisher != self.current or self.held or bool(override) != self.overriding:
-            self._goals.approach()
-            if override:
-                self._log.warning("%s overrides: commands of other nodes are ignored", _shown(publisher))
-        self.current, self.overriding, self.held = publisher, bool(override), False
-        silence_s = OVERRIDE_LOST_AFTER_S if override else FREE_AFTER_S
-        self._until_ns = now_ns + round(silence_s * NS_PER_S)
+        if not override and not self.is_current(writer) and now_ns < self._until_ns:
+            if writer.awaits_name:
+                return False
+            return self._refuse(writer, topic, f"{shown_publisher(self.current)} is the commander")
         return True
 
-    def lies_still(self, publisher: str, message: Any, topic: str) -> bool:
-        """Whether a leader that may override has not moved since another got control; the lock is held."""
-        key = (publisher, topic)
+    def take_control(self, writer: Writer, topic: str, now_ns: int, lasts_s: float = 0.0) -> None:
+        """Makes a permitted publisher the commander, with the lock held, because its command is executed.
+
+        Args:
+            writer: the publisher; topic: of its command; now_ns: monotonic.
+            lasts_s: time for which the command continues by itself, such as a trajectory.
+        """
+        override = self.is_override(writer, topic)
+        if not self.is_current(writer) or self.held or override != self.overriding:
+            self._goals.approach()
+            if override:
+                self._log.warning(
+                    "%s overrides: commands of other nodes are ignored", shown_publisher(writer.name)
+                )
+        self._current, self.overriding, self.held = writer, override, False
+        self._await_next(writer, topic, now_ns, lasts_s)
+
+    def ignore(self, writer: Writer, topic: str, now_ns: int, reason: str) -> None:
+        """Counts a valid command that has no effect, and names its publisher once for each fault.
+
+        The lock is held. Nobody takes control, but the commander counts as publishing.
+
+        Args:
+            writer: the publisher; topic: of its command; now_ns: monotonic.
+            reason: the fault, and how to end it.
+        """
+        if self.is_current(writer) and not self.held:
+            self._await_next(writer, topic, now_ns)
+        if writer.awaits_name:
+            return
+        if _count(self.ignored, writer.name):
+            self._log.warning(
+                "%s: commands from %s have no effect: %s", topic, shown_publisher(writer.name), reason
+            )
+
+    def forget_ignored(self) -> None:
+        """Starts to count ignored commands anew, because a fault begins or has ended."""
+        with self.lock:
+            self.ignored.clear()
+
+    def _await_next(self, writer: Writer, topic: str, now_ns: int, lasts_s: float = 0.0) -> None:
+        """Sets the time until which the commander counts as publishing."""
+        silence_s = OVERRIDE_LOST_AFTER_S if self.is_override(writer, topic) else FREE_AFTER_S
+        self._until_ns = now_ns + round((silence_s + lasts_s) * NS_PER_S)
+
+    def is_override(self, writer: Writer, topic: str) -> bool:
+        """Whether the plan names the node of a publisher as an override on a topic."""
+        return (writer.name, topic) in self.overrides
+
+    def is_at_rest(self, writer: Writer, topic: str, message: Any) -> bool:
+        """Whether a leader that may override has not moved since another got control; the lock is held.
+
+        Args:
+            writer: the publisher; topic: of its command.
+            message: a JointState that can be executed. The first one becomes the rest position.
+        """
+        key = (writer.name, topic)
         least_rad = self._motion_rad.get(key, 0.0)
-        if not least_rad or (self.overriding and publisher == self.current):
+        if not least_rad or (self.overriding and self.is_current(writer)):
             return False
         names, positions = tuple(message.name), tuple(map(float, message.position))
-        if not all(map(math.isfinite, positions)):
-            return True
-        known, rest = self._rest.setdefault(key, (names, positions))
-        if known != names:
+        rest_names, rest = self._rest.setdefault(key, (names, positions))
+        if rest_names != names:
             self._rest[key] = names, positions
             return True
-        return not any(abs(now - then) > least_rad for now, then in zip(positions, rest, strict=False))
+        moved_rad = (abs(position - start) for position, start in zip(positions, rest, strict=True))
+        # joints that the follower lacks are not checked, so theirs may be NaN or infinite
+        return not any(math.isfinite(distance) and distance > least_rad for distance in moved_rad)
 
     @property
     def releasable(self) -> bool:
         """Whether the override can be released while it publishes: it takes control again by moving only."""
         return self.held or any(node == self.current for node, _ in self._motion_rad)
-
-    def extend(self, duration_s: float) -> None:
-        """Marks the admitted command as self-continuing, such as a trajectory, with the lock held."""
-        self._until_ns += round(duration_s * NS_PER_S)
 
     def watch(self, now_ns: int) -> None:
         """Holds the joints if the override has stopped publishing; call it every 50 ms."""
@@ -124,7 +191,7 @@ class Commanders:
                 self._log.warning(
                     "the override %s stopped publishing: the joints hold their position. Press its release "
                     "button or run `joshua call NODE release_override` to return control",
-                    _shown(self.current),
+                    shown_publisher(self.current),
                 )
 
     def release(self) -> str:
@@ -139,8 +206,9 @@ class Commanders:
         """The same; the lock is held."""
         if not self.overriding:
             return ""
-        name = _shown(self.current)
-        self.current, self.overriding, self.held, self._until_ns = None, False, False, 0
+        name = shown_publisher(self.current)
+        self._current, self._until_ns = None, 0
+        self.overriding = self.held = False
         self._rest.clear()
         self._goals.hold()
         self._log.warning("the override %s is released: other commanders have control again", name)
@@ -152,24 +220,37 @@ class Commanders:
         parts = []
         if self.overriding:
             state = "stopped publishing: holding" if self.held else "commands"
-            parts.append(f"override {_shown(self.current)} {state}")
-        refused = dict(self.refused)
+            parts.append(f"override {shown_publisher(self.current)} {state}")
+        ignored, refused = dict(self.ignored), dict(self.refused)
+        if ignored:
+            parts.append(f"{sum(ignored.values())} commands without effect from {_names(ignored)}")
         if refused:
-            names = ", ".join(map(_shown, list(refused)[:3])) + (", …" if len(refused) > 3 else "")
-            parts.append(f"{sum(refused.values())} commands refused from {names}")
+            parts.append(f"{sum(refused.values())} commands refused from {_names(refused)}")
         return "; ".join(parts)
 
-    def _refuse(self, publisher: str, topic: str, why: str) -> bool:
-        known = publisher in self.refused or len(self.refused) < _MOST_REFUSED
-        name = publisher if known else ""
-        self.refused[name] = self.refused.get(name, 0) + 1
-        if known and self.refused[name] == 1:
-            self._log.warning("%s: commands from %s are refused: %s", topic, _shown(publisher), why)
+    def _refuse(self, writer: Writer, topic: str, why: str) -> bool:
+        if _count(self.refused, writer.name):
+            self._log.warning(
+                "%s: commands from %s are refused: %s", topic, shown_publisher(writer.name), why
+            )
         return False
 
 
-def _shown(publisher: str | None) -> str:
-    return publisher or "a program that is not a ROS 2 node"
+def _count(counts: dict[str, int], publisher: str) -> bool:
+    """Counts a command of a publisher in a bounded table. Returns whether it is the publisher's first."""
+    known = publisher in counts or len(counts) < _MOST_PUBLISHERS
+    name = publisher if known else ""
+    counts[name] = counts.get(name, 0) + 1
+    return known and counts[name] == 1
+
+
+def _names(publishers: Iterable[str]) -> str:
+    names = [shown_publisher(publisher) for publisher in publishers]
+    return ", ".join(names[:3]) + (", …" if len(names) > 3 else "")
+
+
+def _no_fault() -> str:
+    return ""
 
 
 class CommandIntake:
@@ -180,6 +261,7 @@ class CommandIntake:
         goals: get the commands.
         commanders: decide whose commands are executed.
         arrived: called with the monotonic time of each executed joint state.
+        fault: returns why commands have no effect at present, and what ends that; "" if they have.
     """
 
     def __init__(
@@ -188,8 +270,10 @@ class CommandIntake:
         goals: GoalGenerator,
         commanders: Commanders,
         arrived: Callable[[int], None],
+        fault: Callable[[], str] = _no_fault,
     ) -> None:
         self._context, self._goals, self._commanders, self._arrived = context, goals, commanders, arrived
+        self._fault = fault
 
     def subscribe(self, topic: TopicSpec, joints: Sequence[str]) -> tuple[CommandReader, TrafficFigures]:
         """Subscribes to a topic; ``joints`` in joint order. Raises DeviceError for an unfit leader."""
@@ -199,40 +283,59 @@ class CommandIntake:
             for leader in facts.commanders
             if leader.topic == topic.name and leader.joints is not None
         }
-        reader = CommandReader(topic.name, joints, self._context.log, mappings)
+        reader = CommandReader(topic.name, joints, self._context.log, mappings, self._goals.limits)
         handle = self.joint_state if topic.type_name == JOINT_STATE else self.trajectory
 
-        def take(message: Any, received_ns: int, publisher: str) -> None:
+        def take(message: Any, received_ns: int, writer: Writer) -> None:
             del received_ns  # the watchdog needs the monotonic clock
-            handle(reader, message, publisher)
+            handle(reader, message, writer)
 
-        return reader, self._context.subscribe_named(topic, take)
+        return reader, self._context.subscribe_with_writer(topic, take)
 
-    def joint_state(self, reader: CommandReader, message: Any, publisher: str) -> None:
-        """Handles a JointState. One without joints releases the override that sends it."""
-        now_ns, commanders = time.monotonic_ns(), self._commanders
+    def joint_state(self, reader: CommandReader, message: Any, publisher: Writer | str) -> None:
+        """Handles a JointState. An empty one releases the override that sends it.
+
+        Args:
+            reader: of its topic; message: the JointState.
+            publisher: of the message, or the full name of a known node.
+        """
+        now_ns, commanders, writer = time.monotonic_ns(), self._commanders, _writer(publisher)
         with commanders.lock:
-            if not len(message.name) and (publisher, reader.topic) in commanders.overrides:
-                if publisher == commanders.current:
+            is_empty = not len(message.name) and not len(message.position)
+            if is_empty and commanders.is_override(writer, reader.topic):
+                if commanders.is_current(writer):
                     commanders.release_locked()
                 return
-            if commanders.lies_still(publisher, message, reader.topic):
+            if not commanders.permits(writer, reader.topic, now_ns):
                 return
-            if not commanders.admit(publisher, reader.topic, now_ns):
+            command = reader.joint_state(message, writer.name)
+            if command is None or commanders.is_at_rest(writer, reader.topic, message):
                 return
-            if (command := reader.joint_state(message, publisher)) is not None:
-                self._goals.command(command, now_ns)
+            if fault := self._fault():
+                commanders.ignore(writer, reader.topic, now_ns, fault)
+                return
+            commanders.take_control(writer, reader.topic, now_ns)
+            self._goals.command(command, now_ns)
         self._arrived(now_ns)
 
-    def trajectory(self, reader: CommandReader, message: Any, publisher: str) -> None:
-        """Handles a JointTrajectory."""
-        now_ns = time.monotonic_ns()
-        with self._commanders.lock:
-            if not self._commanders.admit(publisher, reader.topic, now_ns):
+    def trajectory(self, reader: CommandReader, message: Any, publisher: Writer | str) -> None:
+        """Handles a JointTrajectory; arguments as for ``joint_state``."""
+        now_ns, commanders, writer = time.monotonic_ns(), self._commanders, _writer(publisher)
+        with commanders.lock:
+            if not commanders.permits(writer, reader.topic, now_ns):
                 return
-            if (trajectory := reader.trajectory(message, publisher)) is not None:
-                self._goals.play(trajectory, now_ns)
-                self._commanders.extend(trajectory.duration_s)
+            trajectory = reader.trajectory(message, writer.name)
+            if trajectory is None:
+                return
+            if fault := self._fault():
+                commanders.ignore(writer, reader.topic, now_ns, fault)
+                return
+            commanders.take_control(writer, reader.topic, now_ns, trajectory.duration_s)
+            self._goals.play(trajectory, now_ns)
+
+
+def _writer(publisher: Writer | str) -> Writer:
+    return Writer.of_node(publisher) if isinstance(publisher, str) else publisher
 
 
 def _mapping(context: NodeContext, facts: ActuatorFacts, leader: Commander) -> LeaderMapping:

@@ -12,11 +12,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from joshua.devices.actuator import FloatArray
+from joshua.devices.actuator import FloatArray, JointLimits
 from joshua.plan.joints import JointRange
 
 #: Number of refusal causes that are counted separately. Further ones are counted together.
 MOST_CAUSES = 100
+
+#: Distance beyond a limit up to which a command is not reported: rounding, and the noise of a model.
+LIMIT_TOLERANCE_RAD = 0.01
+
+#: The same for a leader: a person can push a joint a little further than at its calibration.
+LEADER_TOLERANCE_RAD = 0.1
+
+#: Number of pairs of commander and joint whose positions outside the limits are reported.
+MOST_REPORTED = 1000
 
 #: Refusals of one cause are logged at the first, then at each power of ten.
 _LOGGED_COUNTS = frozenset(10**power for power in range(12))
@@ -136,9 +145,10 @@ class CommandReader:
     Args:
         topic: name, for messages.
         joint_names: in joint order.
-        log: where refusals and unknown names are reported.
+        log: where refusals, unknown names and positions outside the limits are reported.
         mappings: from the joints of leaders to these, by the name of the leader's node. Every other publisher
             sends radians of these joints.
+        limits: to which positions are clipped; None for no limits.
     """
 
     def __init__(
@@ -147,6 +157,7 @@ class CommandReader:
         joint_names: Sequence[str],
         log: Any,
         mappings: Mapping[str, LeaderMapping] | None = None,
+        limits: JointLimits | None = None,
     ) -> None:
         self.topic = topic
         self.accepted = 0
@@ -155,7 +166,11 @@ class CommandReader:
         self._causes: Counter[str] = Counter()
         self._log = log
         self._mappings = mappings or {}
+        unlimited = np.full(len(joint_names), np.inf)
+        self._min_rad = -unlimited if limits is None else limits.position_min_rad
+        self._max_rad = unlimited if limits is None else limits.position_max_rad
         self._unknown: set[str] = set()
+        self._reported: set[tuple[str, str]] = set()
         self._routes: dict[LeaderMapping | None, tuple[tuple[str, ...], _Route]] = {}
 
     def joint_state(self, message: Any, publisher: str = "") -> JointCommand | None:
@@ -165,7 +180,8 @@ class CommandReader:
             if positions.shape != (len(message.name),):
                 raise CommandError(f"{len(message.name)} names and {positions.size} positions")
             route = self._route(tuple(message.name), publisher)
-            command = JointCommand(route.indices, route.values(positions[None, :])[0])
+            position_rad = self._positions(route, positions[None, :], publisher)[0]
+            command = JointCommand(route.indices, position_rad)
         except CommandError as error:
             self._refuse(error)
             return None
@@ -200,7 +216,51 @@ class CommandReader:
                 )
         positions = np.array([point.positions for point in points], np.float64)
         route = self._route(names, publisher)
-        return TrajectoryCommand(route.indices, times, route.values(positions))
+        return TrajectoryCommand(route.indices, times, self._positions(route, positions, publisher))
+
+    def _positions(self, route: _Route, positions: FloatArray, publisher: str) -> FloatArray:
+        """Positions within the limits, shape (K, M), from those of the message, shape (K, number of names).
+
+        Raises CommandError for a position that is not finite.
+        """
+        rows = positions.tolist()
+        values = [route.values(row) for row in rows]
+        for row in rows:
+            for column in route.columns:
+                if not column.report_below_rad <= row[column.number] <= column.report_above_rad:
+                    self._report_outside(column, row[column.number], publisher)
+        return np.array(values)
+
+    def _report_outside(self, column: _Column, value_rad: float, publisher: str) -> None:
+        """Warns of the first position of a joint that lies outside its limits, once for each commander."""
+        key = (publisher, column.name)
+        if key in self._reported or len(self._reported) >= MOST_REPORTED:
+            return
+        self._reported.add(key)
+        pair = column.pair
+        if pair is None:
+            self._log.warning(
+                "%s: %s commands %s to %.4g rad, its limits are %.4g to %.4g rad: the joint stays within its "
+                "limits. Further such commands are not logged",
+                self.topic,
+                shown_publisher(publisher),
+                column.name,
+                value_rad,
+                self._min_rad[column.index],
+                self._max_rad[column.index],
+            )
+            return
+        self._log.warning(
+            "%s: the leader %s reports %s at %.4g rad, its range is %.4g to %.4g rad: %s stays at the end of "
+            "its own range. Calibrate the leader again, or widen its position_min and position_max",
+            self.topic,
+            shown_publisher(publisher),
+            column.name,
+            value_rad,
+            pair.leader_min_rad,
+            pair.leader_max_rad,
+            pair.follower,
+        )
 
     def _route(self, names: tuple[str, ...], publisher: str) -> _Route:
         """The assignment of a message's positions to joints, cached because names rarely change."""
@@ -215,19 +275,28 @@ class CommandReader:
         joints = [pair.follower if pair else name for pair, name in zip(pairs, names, strict=True)]
         if len(set(joints)) != len(joints):
             raise CommandError("a joint is named twice")
-        columns = [column for column, name in enumerate(joints) if name in self._indices]
+        columns = [
+            self._column(number, name, joint, pair)
+            for number, (name, joint, pair) in enumerate(zip(names, joints, pairs, strict=True))
+            if joint in self._indices
+        ]
         unpaired = mapping.unpaired_leader if mapping else ()
         self._warn_unknown([name for name in joints if name not in self._indices and name not in unpaired])
         if not columns:
             raise CommandError(
                 f"it names no known joint: it names {_list(names)}, the joints are {_list(self._indices)}"
             )
-        return _Route(
-            tuple(columns),
-            np.array([self._indices[joints[column]] for column in columns], np.intp),
-            tuple(pairs[column] for column in columns),
-            tuple(names[column] for column in columns),
-        )
+        return _Route(tuple(columns), np.array([column.index for column in columns], np.intp))
+
+    def _column(self, number: int, name: str, joint: str, pair: MappedJoint | None) -> _Column:
+        index = self._indices[joint]
+        min_rad, max_rad = float(self._min_rad[index]), float(self._max_rad[index])
+        if pair is not None:
+            below_rad = pair.leader_min_rad - LEADER_TOLERANCE_RAD
+            above_rad = pair.leader_max_rad + LEADER_TOLERANCE_RAD
+        else:
+            below_rad, above_rad = min_rad - LIMIT_TOLERANCE_RAD, max_rad + LIMIT_TOLERANCE_RAD
+        return _Column(number, name, index, pair, min_rad, max_rad, below_rad, above_rad)
 
     def _warn_unknown(self, names: list[str]) -> None:
         new = [name for name in names if name not in self._unknown]
@@ -253,27 +322,52 @@ class CommandReader:
 
 
 @dataclass(frozen=True)
+class _Column:
+    """One position of a message that moves a joint.
+
+    Attributes:
+        number: in the message; name: of the joint there; index: of the joint here; pair: of a leader's joint.
+        min_rad, max_rad: limits of the joint here.
+        report_below_rad, report_above_rad: positions in the message beyond these are reported.
+    """
+
+    number: int
+    name: str
+    index: int
+    pair: MappedJoint | None
+    min_rad: float
+    max_rad: float
+    report_below_rad: float
+    report_above_rad: float
+
+
+@dataclass(frozen=True)
 class _Route:
-    """The assignment of a message's columns to joints, through the pairs of a leader, if any."""
+    """The assignment of a message's columns to joints.
 
-    columns: tuple[int, ...]
+    Attributes:
+        columns: those that move a joint, M of them; indices: of their joints, shape (M,).
+    """
+
+    columns: tuple[_Column, ...]
     indices: npt.NDArray[np.intp]
-    pairs: tuple[MappedJoint | None, ...]
-    names: tuple[str, ...]
 
-    def values(self, positions: FloatArray) -> FloatArray:
-        """Positions of the joints, shape (K, M), from those of the message, shape (K, number of names)."""
-        return np.array([self._row(row) for row in positions.tolist()])
-
-    def _row(self, row: list[float]) -> list[float]:
-        """In plain Python, which is faster for few joints."""
+    def values(self, row: list[float]) -> list[float]:
+        """Positions of the joints within their limits, in plain Python: faster for few joints."""
         values = []
-        for column, pair, name in zip(self.columns, self.pairs, self.names, strict=True):
-            value = row[column]
+        for column in self.columns:
+            value = row[column.number]
             if not math.isfinite(value):
-                raise CommandError(f"the position of {_list([name])} is {value}")
-            values.append(pair.position_rad(value) if pair is not None else value)
+                raise CommandError(f"the position of {_list([column.name])} is {value}")
+            if column.pair is not None:
+                value = column.pair.position_rad(value)
+            values.append(min(max(value, column.min_rad), column.max_rad))
         return values
+
+
+def shown_publisher(publisher: str | None) -> str:
+    """The name of a publisher for messages."""
+    return publisher or "a program that is not a ROS 2 node"
 
 
 def _list(names: Iterable[str]) -> str:

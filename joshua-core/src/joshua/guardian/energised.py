@@ -25,6 +25,11 @@ _SUFFIX = ".json"
 _SPARE_SUFFIX = ".spare"
 
 
+def energised_folder(base: Path) -> Path:
+    """Folder of the records, beside the runs, which they outlive."""
+    return base / FOLDER_NAME
+
+
 @dataclass(frozen=True)
 class EnergisedRecord:
     """An actuator whose torque was enabled and not read back as off since.
@@ -93,12 +98,16 @@ class EnergisedNote:
         """Path of the record, "" if none is kept."""
         return str(self._path or "")
 
+    @property
+    def _data(self) -> bytes:
+        return json.dumps(asdict(self._record)).encode()
+
     def prepare(self) -> None:
         """Writes the file beside the run, which leaves an older record as it is. Raises OSError."""
         if self._path is not None:
             self._path.parent.mkdir(mode=0o700, exist_ok=True)
             self._spare.parent.mkdir(mode=0o700, exist_ok=True)
-            write_whole(self._spare, asdict(self._record))
+            write_whole(self._spare, self._data)
 
     def energising(self) -> None:
         """Puts the record in place before torque is enabled. Raises OSError."""
@@ -112,7 +121,7 @@ class EnergisedNote:
         if self._path.exists():  # torque is enabled again
             os.utime(self._path)
         else:
-            write_whole(self._path, asdict(self._record))
+            write_whole(self._path, self._data)
 
     def released(self) -> None:
         """Takes the record away, because the device has confirmed that its torque is off. Idempotent."""

@@ -1,7 +1,8 @@
 """The e-stop: a latch that keeps torque off, and reports of its effect.
 
 The latch is a file, which is the whole state. Drivers, guardians and commands read it themselves: it works
-whichever process is dead, hung or not started. Light to import.
+whichever process is dead, hung or not started. Nothing that an e-stop needs requires free space: a spare file
+is renamed to the latch, and reports overwrite a file of the same size. Light to import.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import secrets
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -20,6 +20,17 @@ from typing import Any
 FOLDER_NAME = "estop"
 
 _SUFFIX = ".json"
+
+#: The empty file in the folder of the latches that an e-stop renames if it cannot write one.
+SPARE_NAME = "spare"
+
+#: Orders and reports fill whole blocks of this size: on a full file system they are overwritten in place.
+_BLOCK_BYTES = 4096
+
+
+def latch_folder(base: Path) -> Path:
+    """Folder of the e-stop latches of this user's robots, beside the runs, because a latch outlives a run."""
+    return base / FOLDER_NAME
 
 
 @dataclass(frozen=True)
@@ -40,6 +51,11 @@ class Latch:
     nodes: tuple[str, ...]
     since: str
     process_id: int
+
+    @property
+    def has_content(self) -> bool:
+        """Whether the latch names its robot. One without content covers every actuator."""
+        return True
 
     def covers(self, subject: Subject) -> bool:
         """Whether an actuator belongs to the stopped robot."""
@@ -93,25 +109,80 @@ class LatchFolder:
 
     def set(self, robot: str, source: str, domain_id: int, nodes: Sequence[str]) -> Latch:
         """Latches the actuators of one robot and replaces its older latch. Raises OSError."""
-        latch = Latch(
-            identifier=secrets.token_hex(8),
-            robot=robot,
-            source=source,
-            domain_id=domain_id,
-            nodes=tuple(nodes),
-            since=time.strftime("%Y-%m-%d %H:%M:%S"),
-            process_id=os.getpid(),
-        )
+        latch = new_latch(robot, source, domain_id, nodes)
         older = [item for item in self.all() if _same_robot(item, latch)]
         self.path.mkdir(mode=0o700, exist_ok=True)
-        write_whole(self.path / (latch.identifier + _SUFFIX), asdict(latch))
+        write_whole(self._file(latch.identifier), json.dumps(asdict(latch)).encode())
         for item in older:
-            self.clear(item)
+            with contextlib.suppress(OSError):  # two latches of one robot are no problem
+                self.clear(item)
         return latch
 
+    def set_without_space(self, latch: Latch) -> Latch:
+        """Latches actuators by renaming a file, which works on a full file system.
+
+        The file is an older latch of the same actuators, or the spare file. Each e-stop gets an identifier of
+        its own, so that drivers obey and report again.
+
+        Args:
+            latch: which could not be written.
+
+        Returns:
+            The latch as others read it. That of the spare file has no content: it covers every actuator.
+
+        Raises:
+            OSError: the file system is read-only, or there is no spare file.
+        """
+        place = self._file(latch.identifier)
+        for older in self.all():
+            if not older.has_content or _covers_all(older, latch):
+                with contextlib.suppress(FileNotFoundError):  # another command released or renamed it
+                    self._file(older.identifier).rename(place)
+                    return _read(place)
+        spare = self.path / SPARE_NAME
+        os.truncate(spare, 0)
+        spare.rename(place)
+        return _read(place)
+
     def clear(self, latch: Latch) -> None:
-        """Releases one latch. Idempotent. Raises OSError."""
-        (self.path / (latch.identifier + _SUFFIX)).unlink(missing_ok=True)
+        """Releases one latch, whose file becomes the spare file. Idempotent. Raises OSError."""
+        file = self._file(latch.identifier)
+        if os.path.exists(file):  # noqa: PTH110 (raises nothing; a read-only file system refuses any rename)
+            with contextlib.suppress(FileNotFoundError):  # another command released it
+                file.replace(self.path / SPARE_NAME)
+
+    def keep_spare(self) -> None:
+        """Creates the spare file. Idempotent. Called before torque is enabled.
+
+        Raises:
+            OSError: it cannot be created, so an e-stop might not be possible.
+        """
+        spare = self.path / SPARE_NAME
+        if os.path.exists(spare):  # noqa: PTH110 (raises nothing)
+            return
+        self.path.mkdir(mode=0o700, exist_ok=True)
+        os.close(os.open(spare, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600))
+
+    def _file(self, identifier: str) -> Path:
+        return self.path / (identifier + _SUFFIX)
+
+
+def new_latch(robot: str, source: str, domain_id: int, nodes: Sequence[str]) -> Latch:
+    """An e-stop by this process, which is not set yet."""
+    return Latch(
+        identifier=os.urandom(8).hex(),
+        robot=robot,
+        source=source,
+        domain_id=domain_id,
+        nodes=tuple(nodes),
+        since=time.strftime("%Y-%m-%d %H:%M:%S"),
+        process_id=os.getpid(),
+    )
+
+
+def latch_of(values: Mapping[str, Any]) -> Latch:
+    """Reads the fields of a latch. Raises TypeError and KeyError."""
+    return Latch(**{**values, "nodes": tuple(values["nodes"])})
 
 
 def _same_robot(older: Latch, newer: Latch) -> bool:
@@ -120,32 +191,61 @@ def _same_robot(older: Latch, newer: Latch) -> bool:
     return set(older.nodes) <= set(newer.nodes)
 
 
+def _covers_all(older: Latch, newer: Latch) -> bool:
+    return all(older.covers(Subject(newer.robot, newer.domain_id, node)) for node in newer.nodes)
+
+
 def _read(path: Path) -> Latch:
     try:
-        values = json.loads(path.read_text())
-        return Latch(**{**values, "nodes": tuple(values["nodes"])})
+        # The file may have been renamed since it was written.
+        return latch_of({**json.loads(path.read_text()), "identifier": path.stem})
     except FileNotFoundError:
         return Latch(path.stem, "", "", -1, (), "", 0)  # just released
     except (OSError, ValueError, TypeError, KeyError):
-        return _Unreadable(path.stem, "", str(path), -1, (), "an unknown time", 0)
+        return _WithoutContent(path.stem, "", str(path), -1, (), "an unknown time", 0)
 
 
-class _Unreadable(Latch):
+class _WithoutContent(Latch):
+    @property
+    def text(self) -> str:
+        return (
+            f"an e-stop without a name is latched and counts for every actuator ({self.source}): look at the "
+            "robots, then joshua estop --release"
+        )
+
+    @property
+    def has_content(self) -> bool:
+        return False
+
     def covers(self, subject: Subject) -> bool:
         del subject
         return True
 
 
-def write_whole(path: Path, values: Mapping[str, Any]) -> None:
-    """Writes a JSON file atomically. Raises OSError."""
-    temporary = path.with_suffix(f".{os.getpid()}-{secrets.token_hex(2)}")
+def write_whole(path: Path, data: bytes) -> None:
+    """Writes a file atomically. Raises OSError."""
+    temporary = path.with_suffix(f".{os.getpid()}-{os.urandom(2).hex()}")
     try:
-        temporary.write_text(json.dumps(values))
-        temporary.chmod(0o600)
+        descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
         temporary.replace(path)
     except OSError:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
         raise
+
+
+def _overwrite(path: Path, data: bytes) -> None:
+    """Writes over a file of the same size, which takes no space. Raises OSError.
+
+    A reader may find half of it, which is no JSON, and then reads it again.
+    """
+    descriptor = os.open(path, os.O_WRONLY | os.O_CLOEXEC)
+    try:
+        os.pwrite(descriptor, data, 0)
+    finally:
+        os.close(descriptor)
 
 
 @dataclass(frozen=True)
@@ -169,8 +269,22 @@ class EstopReport:
     detail: str = ""
 
 
+@dataclass(frozen=True)
+class EstopOrder:
+    """How an e-stop reaches a device without its driver.
+
+    Attributes:
+        implementation: import string of the action that takes the torque off; request: its values.
+        processes: driver and guardian, which may hold the device, as ``ProcessMark.to_values`` gives them.
+    """
+
+    implementation: str
+    request: Mapping[str, Any]
+    processes: Sequence[Mapping[str, Any]] = ()
+
+
 class EstopFiles:
-    """Reports and orders of one run. Writing does its best: a full disk must not prevent a stop.
+    """Reports and orders of one run.
 
     Args:
         path: of the folder; "" for a run without directory, which writes nothing.
@@ -179,9 +293,13 @@ class EstopFiles:
     def __init__(self, path: str) -> None:
         self._path = Path(path) if path else None
 
-    def report(self, report: EstopReport) -> None:
-        """Writes a report in place of an older one of the same actuator."""
-        self._write(report.node, "report", asdict(report))
+    def report(self, report: EstopReport) -> bool:
+        """Writes a report in place of an older one of the same actuator, and returns whether it could."""
+        try:
+            self._write(report.node, "report", asdict(report))
+        except OSError:
+            return False
+        return True
 
     def read_report(self, node: str, latch: str) -> EstopReport | None:
         """Report of an actuator about one e-stop, None if there is none yet."""
@@ -191,22 +309,42 @@ class EstopFiles:
             return report if report.latch == latch else None
         return None
 
-    def leave_order(self, node: str, implementation: str, request: Mapping[str, Any]) -> None:
-        """Writes the action that takes the torque off without the driver."""
-        self._write(node, "order", {"implementation": implementation, "request": request})
+    def leave_order(self, node: str, order: EstopOrder) -> None:
+        """Writes what an e-stop needs if the driver does not respond, and makes room for the report.
 
-    def read_order(self, node: str) -> tuple[str, dict[str, Any]] | None:
-        """Import string of the action and its request, None if the driver wrote none."""
+        Raises:
+            OSError: it cannot be written.
+        """
+        self._write(node, "order", asdict(order))
+        if not self.has_order(node):
+            self._write(node, "report", {})
+
+    def has_order(self, node: str) -> bool:
+        """Whether there is an order and room for a report: both vanish with the folder of the run."""
+        return self._path is None or (self._has(node, "order") and self._has(node, "report"))
+
+    def read_order(self, node: str) -> EstopOrder | None:
+        """The order of an actuator, None if its driver wrote none."""
         values = self._read(node, "order")
-        if isinstance(values.get("implementation"), str) and isinstance(values.get("request"), dict):
-            return values["implementation"], values["request"]
+        with contextlib.suppress(TypeError):
+            order = EstopOrder(**values)
+            if isinstance(order.implementation, str) and isinstance(order.request, dict):
+                return order
         return None
 
     def _write(self, node: str, kind: str, values: Mapping[str, Any]) -> None:
-        if self._path is not None:
-            with contextlib.suppress(OSError):
-                self._path.mkdir(mode=0o700, exist_ok=True)
-                write_whole(self._file(node, kind), values)
+        if self._path is None:
+            return
+        data = json.dumps(values).encode()
+        data = data.ljust(-(-len(data) // _BLOCK_BYTES) * _BLOCK_BYTES)
+        path = self._file(node, kind)
+        try:
+            self._path.mkdir(mode=0o700, exist_ok=True)
+            write_whole(path, data)
+        except OSError:
+            if not self._has(node, kind) or path.stat().st_size < len(data):
+                raise
+            _overwrite(path, data.ljust(path.stat().st_size))
 
     def _read(self, node: str, kind: str) -> dict[str, Any]:
         if self._path is not None:
@@ -214,6 +352,9 @@ class EstopFiles:
                 values = json.loads(self._file(node, kind).read_text())
                 return values if isinstance(values, dict) else {}
         return {}
+
+    def _has(self, node: str, kind: str) -> bool:
+        return os.path.exists(self._file(node, kind))  # noqa: PTH110 (raises nothing)
 
     def _file(self, node: str, kind: str) -> Path:
         assert self._path is not None

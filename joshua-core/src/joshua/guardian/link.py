@@ -9,6 +9,7 @@ import subprocess
 import sys
 from typing import Any
 
+from joshua.guardian import standby
 from joshua.guardian.order import (
     ARMED,
     BEAT,
@@ -86,6 +87,7 @@ class GuardianLink:
 
     def release_only(self) -> None:
         """Makes torque off the safe state. Raises GuardianError."""
+        standby.release_only(self._order.node)
         self._say(RELEASE_ONLY)
 
     def done(self) -> None:
@@ -123,12 +125,21 @@ class GuardianLink:
             reason = "it ended at once"
         if answer == READY:
             self._socket.setblocking(False)
+            self._double(order)
             return
         self._process.kill()
         _, errors = self._process.communicate()
         self._socket.close()
         last = errors.decode(errors="replace").strip().splitlines()[-1:] or [reason]
         raise GuardianError(last[0])
+
+    def _double(self, order: GuardianOrder) -> None:
+        """Lets the fork server keep the order, for the case that this process and the guardian both end."""
+        try:
+            standby.keep(order, self._process.pid)
+        except OSError as error:
+            self.done()
+            raise GuardianError(f"the fork server cannot keep its order: {error}") from error
 
     def _say(self, word: bytes) -> None:
         try:
@@ -141,6 +152,7 @@ class GuardianLink:
             raise GuardianError(f"its process {self._process.pid} has ended: {error}") from error
 
     def _end(self) -> None:
+        standby.forget(self._order.node)
         self._socket.close()
         if self._process.stderr is not None:
             self._process.stderr.close()

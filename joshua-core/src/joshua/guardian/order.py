@@ -13,6 +13,12 @@ BEAT_S = 0.05
 #: 0.21 s in all, up to 0.10 s without the time in which the loop waited for a processor.
 HANG_LIMIT_S = 0.3
 
+#: Exit status of a guardian that could not verify the safe state and has reported that.
+INCOMPLETE = 3
+
+#: Name of a guardian process, by which its use of a port is recognised.
+PROCESS_TITLE = "joshua-guardian"
+
 #: An action that has not returned this long after the order's timeout is killed.
 OVERTIME_S = 1.5
 
@@ -64,9 +70,13 @@ class GuardianOrder:
     estop_files: str = ""
     energised_record: str = ""
 
+    def to_values(self) -> dict[str, Any]:
+        """Values for JSON."""
+        return asdict(self)
+
     def to_line(self) -> bytes:
         """The order as one line."""
-        return json.dumps(asdict(self)).encode() + b"\n"
+        return json.dumps(self.to_values()).encode() + b"\n"
 
     @classmethod
     def from_line(cls, line: bytes) -> GuardianOrder:

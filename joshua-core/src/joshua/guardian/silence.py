@@ -1,7 +1,8 @@
-"""Detection of hangs, on a clock that leaves out time in which the watcher itself could not run."""
+"""Hangs and silent devices, on a clock that leaves out time in which the watcher itself could not run."""
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections import deque
@@ -145,3 +146,94 @@ class SilenceJudge:
         if now.runnable and ran_ns in (None, now.ran_ns):
             return self.silence_s()  # still waiting, which the kernel adds up only afterwards
         return (now.waited_ns - then.waited_ns) / 1e9
+
+
+#: A device that leaves its requests unanswered for this long is silent. A USB hub that re-enumerates delays
+#: every reply by 0.1 to 0.2 s. Nothing is written meanwhile, so the joints stay at their last goal.
+SILENCE_LIMIT_S = 0.4
+
+#: A request without a reply counts for at most this share of the limit, however long it takes.
+LEAST_MISSES = 5
+
+
+def waited_s() -> float:
+    """Seconds for which this thread waited for a processor so far; 0 if the system does not tell."""
+    times = thread_time(os.getpid(), threading.get_native_id())
+    return 0.0 if times is None else times.waited_ns / 1e9
+
+
+class Patience:
+    """How long a device may leave requests unanswered: the same from its start to its safe stop.
+
+    A gap begins with the first request without a reply. It counts awake time only: neither time in which
+    this process stood still nor time in which this thread waited for a processor. A device is silent when
+    that reaches the limit. A gap of ``PATIENCE_FACTOR`` times the limit with ``LEAST_MISSES`` ends the
+    patience, too, but proves nothing about the device.
+
+    Args:
+        limit_s: awake time without a reply.
+        period_s: planned distance of two requests; a longer one counts as this or as a share of the limit.
+        clock: monotonic seconds; waited: seconds for which this thread waited for a processor.
+
+    Attributes:
+        misses: requests without a reply in the present gap.
+        awake_s, gap_s: from its first request to its last miss, awake and in all.
+    """
+
+    def __init__(
+        self,
+        limit_s: float = SILENCE_LIMIT_S,
+        *,
+        period_s: float = 0.0,
+        clock: Callable[[], float] = time.monotonic,
+        waited: Callable[[], float] = waited_s,
+    ) -> None:
+        self.limit_s = limit_s
+        self.misses = 0
+        self.awake_s = self.gap_s = 0.0
+        self._clock = clock
+        self._waited = waited
+        self._most_s = max(limit_s / LEAST_MISSES, period_s)
+        self._began_s = self._missed_s = 0.0
+        self._waited_s = 0.0  # of the thread, at the last miss
+
+    def begin(self) -> None:
+        """A request is about to be sent."""
+        if not self.misses:
+            self._began_s = self._missed_s = self._clock()
+            self.awake_s = self.gap_s = 0.0
+
+    def miss(self) -> bool:
+        """It got no reply. Returns whether that is still tolerated."""
+        self.misses += 1
+        now_s, waited_s = self._clock(), self._waited()
+        elapsed_s = now_s - self._missed_s
+        if self.misses > 1:
+            elapsed_s -= waited_s - self._waited_s
+        self.awake_s += max(0.0, min(elapsed_s, self._most_s))
+        self.gap_s = now_s - self._began_s
+        self._missed_s, self._waited_s = now_s, waited_s
+        is_over = self.misses >= LEAST_MISSES and self.gap_s >= self.limit_s * PATIENCE_FACTOR
+        return not self.is_silent and not is_over
+
+    def hear(self) -> float:
+        """It got one. Returns the length of the gap that ends, 0 if there was none."""
+        if not self.misses:
+            return 0.0
+        self.misses = 0
+        return self._clock() - self._began_s
+
+    @property
+    def left_s(self) -> float:
+        """Awake time that is left."""
+        return self.limit_s - self.awake_s
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether the device left its requests unanswered for the limit."""
+        return self.misses > 0 and self.awake_s >= self.limit_s
+
+    @property
+    def delayed_s(self) -> float:
+        """Time of the gap that does not count, because this process was delayed."""
+        return self.gap_s - self.awake_s

@@ -186,9 +186,18 @@ class RunningSystem:
 
     def stop(self, timeout_s: float = 15.0) -> bool:
         """Stops the run and returns whether it ended in time. Raises CallError."""
-        self.request({"request": "stop"})
         deadline_s = time.monotonic() + timeout_s
-        while self.path.exists():
+        try:
+            with _connected(self.path / SOCKET_NAME, 5.0) as connection:
+                answer = _exchange(connection, {"request": "stop"})
+                if "error" in answer:
+                    raise _error_of(answer)
+                # The end of the connection needs no file, which may have vanished.
+                _await_end(connection, deadline_s)
+        except (OSError, ValueError) as error:
+            raise self._unreachable(error) from error
+        # A run that cannot remove its directory, on a read-only file system, has ended when the lock is free.
+        while not is_free(self.path / LOCK_NAME):
             if time.monotonic() > deadline_s:
                 return False
             time.sleep(0.02)
@@ -225,17 +234,48 @@ def ask(path: Path, request: Mapping[str, Any], timeout_s: float = 5.0) -> dict[
         ValueError: the answer does not belong to this protocol.
     """
     with _connected(path, timeout_s) as connection:
+        return _exchange(connection, request)
+
+
+def answers(path: Path, request: Mapping[str, Any], timeout_s: float) -> Iterator[dict[str, Any]]:
+    """Sends one request to a control socket and yields its answers until the run closes the connection.
+
+    Args:
+        timeout_s: for each answer.
+
+    Raises:
+        OSError: no answer in time.
+        ValueError: an answer does not belong to this protocol.
+    """
+    with _connected(path, timeout_s) as connection, connection.makefile("rb") as lines:
         connection.sendall(_line(request))
-        data = b""
-        while not data.endswith(b"\n"):
-            part = connection.recv(65536)
-            if not part:
-                raise ConnectionResetError("the run closed the connection")
-            data += part
+        for line in lines:
+            answer = json.loads(line)
+            if not isinstance(answer, dict):
+                raise ValueError(f"expected an object, found {answer!r}")
+            yield answer
+
+
+def _exchange(connection: socket.socket, request: Mapping[str, Any]) -> dict[str, Any]:
+    connection.sendall(_line(request))
+    data = b""
+    while not data.endswith(b"\n"):
+        part = connection.recv(65536)
+        if not part:
+            raise ConnectionResetError("the run closed the connection")
+        data += part
     answer = json.loads(data)
     if not isinstance(answer, dict):
         raise ValueError(f"expected an object, found {answer!r}")
     return answer
+
+
+def _await_end(connection: socket.socket, deadline_s: float) -> None:
+    with contextlib.suppress(OSError):  # a time-out, or a connection that its owner's end has reset
+        while (left_s := deadline_s - time.monotonic()) > 0:
+            connection.settimeout(left_s)
+            if not connection.recv(65536):
+                return
 
 
 def _connected(path: Path, timeout_s: float) -> socket.socket:
@@ -273,7 +313,8 @@ def all_systems(base: Path) -> list[tuple[Path, RunInfo]]:
 def is_free(lock: Path) -> bool:
     """Whether a lock file is not locked. A file that cannot be opened is free."""
     try:
-        descriptor = os.open(lock, os.O_RDWR | os.O_CLOEXEC)
+        # Not for writing, which a file system that has become read-only refuses.
+        descriptor = os.open(lock, os.O_RDONLY | os.O_CLOEXEC)
     except OSError:
         return True
     try:

@@ -16,7 +16,7 @@ from joshua.plan.progress import Progress
 LIST_VERBS = "verbs"
 
 #: Incremented when a message changes. Both sides must have the same.
-PROTOCOL_VERSION = 4
+PROTOCOL_VERSION = 5
 
 
 class Message(BaseModel):
@@ -63,6 +63,18 @@ class Call(Message):
     verb: str
     payload: dict[str, Any] = Field(default_factory=dict)
     deadline_ns: int
+
+
+class Estop(Message):
+    """Supervisor to child: an e-stop is latched, or released (``latch`` is None).
+
+    A node that is told need not wait until it reads the file. ``stored``: the latch is a file. Otherwise the
+    node itself remembers it until it is released.
+    """
+
+    kind: Literal["estop"] = "estop"
+    latch: dict[str, Any] | None = None
+    stored: bool = True
 
 
 class Hello(Message):
@@ -201,6 +213,14 @@ class CallReply(Message):
     moves: bool = False
 
 
+class Estopped(Message):
+    """Child to supervisor: effect of an e-stop on the device of a node, the fields of an ``EstopReport``."""
+
+    kind: Literal["estopped"] = "estopped"
+    node: str
+    report: dict[str, Any]
+
+
 class Report(Message):
     """Child to supervisor, last message: figures and test results of a node."""
 
@@ -208,9 +228,19 @@ class Report(Message):
     report: NodeReport
 
 
-ToChild = Start | Activate | Stop | Call
+ToChild = Start | Activate | Stop | Call | Estop
 NodeMessage = (
-    Step | Said | Progressed | Heartbeat | Log | Topics | FirstMessage | Failure | CallReply | Report
+    Step
+    | Said
+    | Progressed
+    | Heartbeat
+    | Log
+    | Topics
+    | FirstMessage
+    | Failure
+    | CallReply
+    | Estopped
+    | Report
 )
 ToSupervisor = Hello | NodeMessage
 

@@ -22,10 +22,17 @@ class RunDirectoryError(Exception):
 
 def base_directory(environment: Mapping[str, str]) -> Path:
     """``$XDG_RUNTIME_DIR/joshua``, else ``/tmp/joshua-<uid>``."""
-    runtime = environment.get("XDG_RUNTIME_DIR", "")
-    if Path(runtime).is_absolute() and os.path.isdir(runtime) and os.access(runtime, os.W_OK):  # noqa: PTH112
-        return Path(runtime) / "joshua"
+    given = _given_base(environment)
+    if given is not None and os.access(given.parent, os.W_OK):
+        return given
     return _fallback()
+
+
+def _given_base(environment: Mapping[str, str]) -> Path | None:
+    runtime = environment.get("XDG_RUNTIME_DIR", "")
+    if Path(runtime).is_absolute() and os.path.isdir(runtime):  # noqa: PTH112
+        return Path(runtime) / "joshua"
+    return None
 
 
 def short_base_directory(environment: Mapping[str, str], bytes_below: int) -> Path:
@@ -39,6 +46,7 @@ def base_directories(environment: Mapping[str, str], *, make: bool = False) -> l
 
     A service, a container or ``su`` often lacks the ``XDG_RUNTIME_DIR`` of a terminal, but a command that
     stops a robot must find its run. A user who set the variable to a folder of their own uses only that one.
+    A folder that has become read-only since the start of a run counts, too.
 
     Args:
         make: create missing directories.
@@ -46,13 +54,26 @@ def base_directories(environment: Mapping[str, str], *, make: bool = False) -> l
     Raises:
         RunDirectoryError: with ``make``, no directory can be used.
     """
+    if make:
+        _make_runtime_folder(environment)
     own = base_directory(environment)
     others = other_bases(own, make=make)
+    given = _given_base(environment)
+    if given is not None and given not in (own, *others) and _is_ours(given, make=False):
+        others.insert(0, given)
     if make and not _is_ours(own, make=True):
         if not others:
             private(own)  # raises
         return others  # a robot that runs there must not wait until ``own`` is repaired
     return [own, *others]
+
+
+def _make_runtime_folder(environment: Mapping[str, str]) -> None:
+    """Creates ``XDG_RUNTIME_DIR`` again if it has vanished: a run may still look for latches there."""
+    runtime = Path(environment.get("XDG_RUNTIME_DIR", ""))
+    if runtime.is_absolute():
+        with contextlib.suppress(OSError):  # of a system that lets only root create it
+            runtime.mkdir(mode=0o700, parents=True, exist_ok=True)
 
 
 def other_bases(base: Path, *, make: bool = False) -> list[Path]:

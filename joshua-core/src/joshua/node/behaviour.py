@@ -36,6 +36,9 @@ class NodeBehaviour(ABC):
     def cleanup(self) -> None:
         """Closes the device."""
 
+    def estop(self) -> None:
+        """Looks for an e-stop: one was latched or released. Called between two timers while active."""
+
     def verb_providers(self) -> tuple[object, ...]:
         """The objects whose methods may be verbs of the node: the behaviour and its driver, if any."""
         return (self,)

@@ -7,8 +7,11 @@ import math
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 
+from joshua.guardian.latch import EstopReport, Latch
 from joshua.ipc.messages import (
+    Estopped,
     Message,
     Progressed,
     Said,
@@ -17,7 +20,7 @@ from joshua.ipc.messages import (
 )
 from joshua.node import ros_time
 from joshua.node.cadence import TrafficFigures
-from joshua.node.endpoints import Endpoints, MessageCallback, MessagePublisher, NamedMessageCallback
+from joshua.node.endpoints import Endpoints, MessageCallback, MessagePublisher, WriterMessageCallback
 from joshua.node.timers import Timer, TimerQueue
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.plan.progress import Progress
@@ -52,6 +55,10 @@ class NodeContext:
         send: takes messages for the supervisor.
         prepare_thread: called on each new reader thread.
         wake: wakes the node's loop.
+
+    Attributes:
+        held_estop: an e-stop that could not be stored as a file, None if there is none.
+        estop_came: an e-stop was latched or released since the loop last looked.
     """
 
     def __init__(
@@ -69,6 +76,8 @@ class NodeContext:
         self.warnings: list[str] = []
         self.failure: BaseException | None = None
         self.fault_reason = ""
+        self.held_estop: Latch | None = None
+        self.estop_came = False
         self._stop_requested = False
         self._send = send
         self._prepare_thread = prepare_thread
@@ -91,13 +100,12 @@ class NodeContext:
         """
         return self._declared().subscribe(topic, callback)
 
-    def subscribe_named(self, topic: TopicSpec, callback: NamedMessageCallback) -> TrafficFigures:
-        """Calls ``callback(message, received_ns, publisher)``; otherwise like ``subscribe``.
+    def subscribe_with_writer(self, topic: TopicSpec, callback: WriterMessageCallback) -> TrafficFigures:
+        """Calls ``callback(message, received_ns, writer)``; otherwise like ``subscribe``.
 
-        ``publisher`` is the full name of the publishing node, "" for a program that is not a ROS 2 node.
-        Messages that arrive before the graph knows their publisher are dropped, for one second at most.
+        ``writer`` is the publisher. The name of its node may be unknown at its first messages.
         """
-        return self._declared().subscribe_named(topic, callback)
+        return self._declared().subscribe_with_writer(topic, callback)
 
     def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> Timer:
         """Calls back on the node's thread at a fixed rate on the monotonic clock, without drift.
@@ -185,6 +193,20 @@ class NodeContext:
             self.log.error("%s", reason)
         self.fault_reason = reason
         self._send(Said(kind="fault", node=self.spec.full_name, text=printable(reason)))
+
+    def take_estop(self, latch: Latch | None, *, stored: bool) -> None:
+        """Takes an e-stop, or its release (None), from the supervisor. Any thread.
+
+        Args:
+            stored: the latch is a file, which the node reads itself.
+        """
+        self.held_estop = None if stored else latch
+        self.estop_came = True
+        self._wake()
+
+    def estopped(self, report: EstopReport) -> None:
+        """Reports the effect of an e-stop on the device."""
+        self._send(Estopped(node=self.spec.full_name, report=asdict(report)))
 
     def show(self, text: str) -> None:
         """Sets a short text in the node's part of the live status line; "" removes it. Any thread."""

@@ -6,67 +6,19 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterable
-from typing import Any, TypeVar
+from typing import Any
 
 from joshua.guardian.silence import AwakeClock, witness
 from joshua.ipc.messages import FirstMessage, Topics
 from joshua.messages import MessageError, decode, encode, preload
 from joshua.node import ros_time
 from joshua.node.cadence import RateLimit, TrafficFigures
+from joshua.node.writers import PublisherNames, Writer
 from joshua.plan import NodeSpec, TopicReport, TopicSpec
 from joshua.transport import NodeHandle, Publisher, Sample, Subscription
 
-#: The graph may learn of a publisher after its first messages; one that it has not learnt of by then belongs
-#: to no node, as far as is known: the graph is asked again each time that this has passed.
-KNOWN_WITHIN_S = 1.0
-_ASK_EVERY_S = 0.02
-# gids come from outside, so the table is bounded
-_MOST_PUBLISHERS = 1000
-_Value = TypeVar("_Value")
-
-
-class PublisherNames:
-    """Names of the nodes that publish on one topic, by the publisher id in their messages.
-
-    Args:
-        look_up: queries the graph; "" while unknown.
-        clock: seconds, monotonic.
-    """
-
-    def __init__(self, look_up: Callable[[bytes], str], clock: Callable[[], float] = time.monotonic) -> None:
-        self._look_up = look_up
-        self._clock = clock
-        self._names: dict[bytes, str] = {}
-        self._waiting: dict[bytes, tuple[float, float]] = {}
-
-    def name(self, publisher_gid: bytes) -> str | None:
-        """Full name of the publisher's node, "" for one without a node, None while unknown."""
-        return self._names.get(publisher_gid) or self._ask(publisher_gid)
-
-    def _ask(self, publisher_gid: bytes) -> str | None:
-        if not publisher_gid:
-            return ""
-        now_s = self._clock()
-        since_s, next_s = self._waiting.get(publisher_gid, (now_s, now_s))
-        if now_s >= next_s:
-            name = self._look_up(publisher_gid)
-            if name:
-                self._waiting.pop(publisher_gid, None)
-                self._remember(self._names, publisher_gid, name)
-                return name
-            pause_s = _ASK_EVERY_S if now_s - since_s < KNOWN_WITHIN_S else KNOWN_WITHIN_S
-            self._remember(self._waiting, publisher_gid, (since_s, now_s + pause_s))
-        return None if now_s - since_s < KNOWN_WITHIN_S else ""
-
-    @staticmethod
-    def _remember(table: dict[bytes, _Value], publisher_gid: bytes, value: _Value) -> None:
-        if len(table) >= _MOST_PUBLISHERS:
-            table.clear()
-        table[publisher_gid] = value
-
-
 MessageCallback = Callable[[Any, int], None]
-NamedMessageCallback = Callable[[Any, int, str], None]
+WriterMessageCallback = Callable[[Any, int, Writer], None]
 
 #: Malformed messages are logged at the first, then at each power of ten.
 _LOGGED_COUNTS = frozenset(10**power for power in range(12))
@@ -223,14 +175,12 @@ class Endpoints:
 
         return self._subscribe(topic, hand_over)
 
-    def subscribe_named(self, topic: TopicSpec, callback: NamedMessageCallback) -> TrafficFigures:
-        """Declares a subscription whose callback receives the name of the publishing node."""
+    def subscribe_with_writer(self, topic: TopicSpec, callback: WriterMessageCallback) -> TrafficFigures:
+        """Declares a subscription whose callback receives the publisher of each message."""
         names = PublisherNames(self._handle.publisher_node)
 
         def hand_over(message: Any, sample: Sample) -> None:
-            publisher = names.name(sample.publisher_gid)
-            if publisher is not None:
-                callback(message, ros_time.received_ns(sample.received_ns), publisher)
+            callback(message, ros_time.received_ns(sample.received_ns), names.writer(sample.publisher_gid))
 
         return self._subscribe(topic, hand_over)
 

@@ -20,14 +20,19 @@ def prepare() -> None:
     prepare_child()
 
 
-def run_forked(control_descriptor: int, version: str = "") -> int:
+def run_forked(control_descriptor: int, version: str = "", standby_descriptor: int | None = None) -> int:
     """Runs a child process whose standard streams are set up. Returns its exit code.
 
     Args:
         control_descriptor: of its control socket.
         version: of the core in another environment; "" in the supervisor's environment.
+        standby_descriptor: of the socket for the orders of its guardians; None in another environment.
     """
+    from joshua.guardian import standby
     from joshua.node.process import NodeProcess
+
+    if standby_descriptor is not None:
+        standby.adopt(standby_descriptor)
 
     # Writes the stacks of all threads to standard error after a crash in native code, and at the supervisor's
     # request for a hung node.

@@ -13,12 +13,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 
+from joshua.guardian.latch import latch_of
 from joshua.guardian.silence import AwakeClock
 from joshua.ipc.frames import FrameError
 from joshua.ipc.messages import (
     Activate,
     Call,
     CallReply,
+    Estop,
     Heartbeat,
     Hello,
     Log,
@@ -77,6 +79,7 @@ class NodeProcess:
         self._in_interruptible = False
         self._orphan_grace_s = 0.6
         self._start: Start | None = None
+        self._estop: Estop | None = None
 
     def run(self) -> int:
         """Runs until the nodes have ended. Returns the exit code of the process."""
@@ -119,6 +122,10 @@ class NodeProcess:
                 runtime.wake()
         elif isinstance(message, Call):
             self._take_call(message)
+        elif isinstance(message, Estop):
+            self._estop = message
+            for runtime in self._runtimes:
+                self._pass_on(message, runtime)
         elif isinstance(message, Stop):
             self._request_stop()
             if message.urgent:
@@ -146,6 +153,9 @@ class NodeProcess:
         # The first node runs on the main thread, which signals can interrupt and some libraries require.
         self._runtimes = [NodeRuntime(specs[0], services, self._interruptible)]
         self._runtimes += [NodeRuntime(spec, services, nullcontext) for spec in specs[1:]]
+        if self._estop is not None:  # it came before there were nodes
+            for runtime in self._runtimes:
+                self._pass_on(self._estop, runtime)
         if self._stop_requested_s is not None:
             self._request_stop()
         threads = [
@@ -170,6 +180,10 @@ class NodeProcess:
         self._starts.put(None)
         for runtime in self._runtimes:
             runtime.request_stop()
+
+    def _pass_on(self, message: Estop, runtime: NodeRuntime) -> None:
+        latch = None if message.latch is None else latch_of(message.latch)
+        runtime.context.take_estop(latch, stored=message.stored)
 
     def _take_call(self, call: Call) -> None:
         for runtime in self._runtimes:

@@ -207,6 +207,9 @@ class NodeRuntime:
         timers.start()
         while not context.stop_requested:
             wait_ns = timers.run_due()
+            if context.estop_came:
+                context.estop_came = False
+                self._look_for_estop()
             if calls.waiting:
                 self._serve_call()
             now_ns = time.monotonic_ns()
@@ -220,6 +223,10 @@ class NodeRuntime:
             wait_ns = rest_ns if wait_ns is None else min(wait_ns, rest_ns)
             if wait_ns > 0 and self._wake.wait(wait_ns / 1e9):
                 self._wake.clear()
+
+    def _look_for_estop(self) -> None:
+        if self._behaviour is not None:
+            self._behaviour.estop()
 
     def _serve_call(self) -> None:
         """Executes the next call. One that runs as ``activation`` counts as an activation."""

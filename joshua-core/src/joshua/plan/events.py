@@ -38,6 +38,7 @@ class StartTable:
     Attributes:
         transport: the one in use and why; ready_s: from the start to the last ready report.
         visible: which ROS 2 tools see the run, and which setting extends that.
+        commands: who can command the run over the transport.
         notes: notes on the whole run; findings: of the configuration.
     """
 
@@ -50,6 +51,7 @@ class StartTable:
     notes: tuple[str, ...] = ()
     findings: tuple[Diagnostic, ...] = ()
     visible: str = ""
+    commands: str = ""
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,8 @@ class TransportSettings(Value):
         domain_id: ROS 2 domain; distro: ROS 2 distribution whose wire conventions apply.
         listen_endpoints, connect_endpoints: Zenoh router; network_interface, peers: DDS.
         discovery_range: effective value of ROS_AUTOMATIC_DISCOVERY_RANGE.
+        open_to_local_users: whether every user of this machine may command, over Zenoh.
+        link_folder: folder of a run for the sockets between its nodes; "" outside a run.
     """
 
     kind: str = "zenoh"
@@ -44,6 +46,8 @@ class TransportSettings(Value):
     network_interface: str = ""
     peers: tuple[str, ...] = ()
     discovery_range: Literal["OFF", "LOCALHOST", "SUBNET", "SYSTEM_DEFAULT"] = "LOCALHOST"
+    open_to_local_users: bool = False
+    link_folder: str = ""
 
 
 class Plan(Value):

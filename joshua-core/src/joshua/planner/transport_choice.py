@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from joshua.config.checks import Context
     from joshua.plugins import Registry
 
-_ZENOH_FIELDS = ("listen_endpoints", "connect_endpoints", "tls")
+_ZENOH_FIELDS = ("listen_endpoints", "connect_endpoints", "tls", "open_to_local_users")
 _DDS_FIELDS = ("network_interface", "peers")
 
 

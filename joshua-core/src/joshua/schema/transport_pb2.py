@@ -25,7 +25,7 @@ _sym_db = _symbol_database.Default()
 from joshua.schema import options_pb2 as joshua_dot_schema_dot_options__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1djoshua/schema/transport.proto\x12\x06joshua\x1a\x1bjoshua/schema/options.proto\"\xf8\x03\n\x0fTransportConfig\x12\x39\n\x04kind\x18\x01 \x01(\x0e\x32\x15.joshua.TransportKindB\x14\xea\xe1\x18\x10*\x0eTRANSPORT_AUTO\x12.\n\tdomain_id\x18\x02 \x01(\x05\x42\x16\xea\xe1\x18\x12\x11\x00\x00\x00\x00\x00\x00\x00\x00\x19\x00\x00\x00\x00\x00\x00m@H\x00\x88\x01\x01\x12N\n\x10listen_endpoints\x18\x03 \x03(\tB4\xea\xe1\x18\x30*\x16[\"tcp/localhost:7447\"]8\x11J\x14[\"tls/0.0.0.0:7447\"]\x12;\n\x11\x63onnect_endpoints\x18\x04 \x03(\tB \xea\xe1\x18\x1c\x38\x11J\x18[\"tls/robot.local:7447\"]\x12\x1e\n\x03tls\x18\x05 \x01(\x0b\x32\x11.joshua.TlsConfig\x12\'\n\x11network_interface\x18\x06 \x01(\tB\x0c\xea\xe1\x18\x08J\x06\"eth0\"\x12\'\n\x05peers\x18\x07 \x03(\tB\x18\xea\xe1\x18\x14\x38\x11J\x10[\"192.168.1.20\"]\x12!\n\x0bplugin_kind\x18\x08 \x01(\tB\x0c\xea\xe1\x18\x08J\x06\"acme\":J\xf2\xe1\x18\x46J\x15\n\x05topic\x12\x0cjoshua-graphJ\x14\n\x04node\x12\x0cjoshua-graphJ\x17\n\x07service\x12\x0cjoshua-graphB\x0c\n\n_domain_id\"\xa3\x01\n\tTlsConfig\x12,\n\x0croot_ca_file\x18\x01 \x01(\tB\x16\xea\xe1\x18\x12\x30\x01\x38\x08J\x0c\"tls/ca.pem\"\x12\x33\n\x10\x63\x65rtificate_file\x18\x02 \x01(\tB\x19\xea\xe1\x18\x15\x30\x01\x38\x08J\x0f\"tls/robot.pem\"\x12\x33\n\x10private_key_file\x18\x03 \x01(\tB\x19\xea\xe1\x18\x15\x30\x01\x38\x08J\x0f\"tls/robot.key\"*s\n\rTransportKind\x12\x12\n\x0eTRANSPORT_AUTO\x10\x00\x12\x13\n\x0fTRANSPORT_ZENOH\x10\x01\x12#\n\rTRANSPORT_DDS\x10\x02\x1a\x10\xfa\xe1\x18\x0c\n\njoshua-dds\x12\x14\n\x10TRANSPORT_PLUGIN\x10\x64\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1djoshua/schema/transport.proto\x12\x06joshua\x1a\x1bjoshua/schema/options.proto\"\xa2\x04\n\x0fTransportConfig\x12\x39\n\x04kind\x18\x01 \x01(\x0e\x32\x15.joshua.TransportKindB\x14\xea\xe1\x18\x10*\x0eTRANSPORT_AUTO\x12.\n\tdomain_id\x18\x02 \x01(\x05\x42\x16\xea\xe1\x18\x12\x11\x00\x00\x00\x00\x00\x00\x00\x00\x19\x00\x00\x00\x00\x00\x00m@H\x00\x88\x01\x01\x12N\n\x10listen_endpoints\x18\x03 \x03(\tB4\xea\xe1\x18\x30*\x16[\"tcp/localhost:7447\"]8\x11J\x14[\"tls/0.0.0.0:7447\"]\x12;\n\x11\x63onnect_endpoints\x18\x04 \x03(\tB \xea\xe1\x18\x1c\x38\x11J\x18[\"tls/robot.local:7447\"]\x12\x1e\n\x03tls\x18\x05 \x01(\x0b\x32\x11.joshua.TlsConfig\x12\'\n\x11network_interface\x18\x06 \x01(\tB\x0c\xea\xe1\x18\x08J\x06\"eth0\"\x12\'\n\x05peers\x18\x07 \x03(\tB\x18\xea\xe1\x18\x14\x38\x11J\x10[\"192.168.1.20\"]\x12!\n\x0bplugin_kind\x18\x08 \x01(\tB\x0c\xea\xe1\x18\x08J\x06\"acme\"\x12(\n\x13open_to_local_users\x18n \x01(\x08\x42\x0b\xea\xe1\x18\x07*\x05\x66\x61lse:J\xf2\xe1\x18\x46J\x15\n\x05topic\x12\x0cjoshua-graphJ\x14\n\x04node\x12\x0cjoshua-graphJ\x17\n\x07service\x12\x0cjoshua-graphB\x0c\n\n_domain_id\"\xa3\x01\n\tTlsConfig\x12,\n\x0croot_ca_file\x18\x01 \x01(\tB\x16\xea\xe1\x18\x12\x30\x01\x38\x08J\x0c\"tls/ca.pem\"\x12\x33\n\x10\x63\x65rtificate_file\x18\x02 \x01(\tB\x19\xea\xe1\x18\x15\x30\x01\x38\x08J\x0f\"tls/robot.pem\"\x12\x33\n\x10private_key_file\x18\x03 \x01(\tB\x19\xea\xe1\x18\x15\x30\x01\x38\x08J\x0f\"tls/robot.key\"*s\n\rTransportKind\x12\x12\n\x0eTRANSPORT_AUTO\x10\x00\x12\x13\n\x0fTRANSPORT_ZENOH\x10\x01\x12#\n\rTRANSPORT_DDS\x10\x02\x1a\x10\xfa\xe1\x18\x0c\n\njoshua-dds\x12\x14\n\x10TRANSPORT_PLUGIN\x10\x64\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -48,6 +48,8 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_TRANSPORTCONFIG'].fields_by_name['peers']._serialized_options = b'\352\341\030\0248\021J\020[\"192.168.1.20\"]'
   _globals['_TRANSPORTCONFIG'].fields_by_name['plugin_kind']._loaded_options = None
   _globals['_TRANSPORTCONFIG'].fields_by_name['plugin_kind']._serialized_options = b'\352\341\030\010J\006\"acme\"'
+  _globals['_TRANSPORTCONFIG'].fields_by_name['open_to_local_users']._loaded_options = None
+  _globals['_TRANSPORTCONFIG'].fields_by_name['open_to_local_users']._serialized_options = b'\352\341\030\007*\005false'
   _globals['_TRANSPORTCONFIG']._loaded_options = None
   _globals['_TRANSPORTCONFIG']._serialized_options = b'\362\341\030FJ\025\n\005topic\022\014joshua-graphJ\024\n\004node\022\014joshua-graphJ\027\n\007service\022\014joshua-graph'
   _globals['_TLSCONFIG'].fields_by_name['root_ca_file']._loaded_options = None
@@ -56,10 +58,10 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_TLSCONFIG'].fields_by_name['certificate_file']._serialized_options = b'\352\341\030\0250\0018\010J\017\"tls/robot.pem\"'
   _globals['_TLSCONFIG'].fields_by_name['private_key_file']._loaded_options = None
   _globals['_TLSCONFIG'].fields_by_name['private_key_file']._serialized_options = b'\352\341\030\0250\0018\010J\017\"tls/robot.key\"'
-  _globals['_TRANSPORTKIND']._serialized_start=743
-  _globals['_TRANSPORTKIND']._serialized_end=858
+  _globals['_TRANSPORTKIND']._serialized_start=785
+  _globals['_TRANSPORTKIND']._serialized_end=900
   _globals['_TRANSPORTCONFIG']._serialized_start=71
-  _globals['_TRANSPORTCONFIG']._serialized_end=575
-  _globals['_TLSCONFIG']._serialized_start=578
-  _globals['_TLSCONFIG']._serialized_end=741
+  _globals['_TRANSPORTCONFIG']._serialized_end=617
+  _globals['_TLSCONFIG']._serialized_start=620
+  _globals['_TLSCONFIG']._serialized_end=783
 # @@protoc_insertion_point(module_scope)

@@ -20,7 +20,7 @@ TRANSPORT_DDS: TransportKind
 TRANSPORT_PLUGIN: TransportKind
 
 class TransportConfig(_message.Message):
-    __slots__ = ("kind", "domain_id", "listen_endpoints", "connect_endpoints", "tls", "network_interface", "peers", "plugin_kind")
+    __slots__ = ("kind", "domain_id", "listen_endpoints", "connect_endpoints", "tls", "network_interface", "peers", "plugin_kind", "open_to_local_users")
     KIND_FIELD_NUMBER: _ClassVar[int]
     DOMAIN_ID_FIELD_NUMBER: _ClassVar[int]
     LISTEN_ENDPOINTS_FIELD_NUMBER: _ClassVar[int]
@@ -29,6 +29,7 @@ class TransportConfig(_message.Message):
     NETWORK_INTERFACE_FIELD_NUMBER: _ClassVar[int]
     PEERS_FIELD_NUMBER: _ClassVar[int]
     PLUGIN_KIND_FIELD_NUMBER: _ClassVar[int]
+    OPEN_TO_LOCAL_USERS_FIELD_NUMBER: _ClassVar[int]
     kind: TransportKind
     domain_id: int
     listen_endpoints: _containers.RepeatedScalarFieldContainer[str]
@@ -37,7 +38,8 @@ class TransportConfig(_message.Message):
     network_interface: str
     peers: _containers.RepeatedScalarFieldContainer[str]
     plugin_kind: str
-    def __init__(self, kind: _Optional[_Union[TransportKind, str]] = ..., domain_id: _Optional[int] = ..., listen_endpoints: _Optional[_Iterable[str]] = ..., connect_endpoints: _Optional[_Iterable[str]] = ..., tls: _Optional[_Union[TlsConfig, _Mapping]] = ..., network_interface: _Optional[str] = ..., peers: _Optional[_Iterable[str]] = ..., plugin_kind: _Optional[str] = ...) -> None: ...
+    open_to_local_users: bool
+    def __init__(self, kind: _Optional[_Union[TransportKind, str]] = ..., domain_id: _Optional[int] = ..., listen_endpoints: _Optional[_Iterable[str]] = ..., connect_endpoints: _Optional[_Iterable[str]] = ..., tls: _Optional[_Union[TlsConfig, _Mapping]] = ..., network_interface: _Optional[str] = ..., peers: _Optional[_Iterable[str]] = ..., plugin_kind: _Optional[str] = ..., open_to_local_users: _Optional[bool] = ...) -> None: ...
 
 class TlsConfig(_message.Message):
     __slots__ = ("root_ca_file", "certificate_file", "private_key_file")

@@ -18,6 +18,7 @@ from typing import Any, NoReturn
 
 from joshua.ipc.frames import EndOfStreamError, FrameSocket
 from joshua.ipc.process_attributes import IGNORED_SIGNALS, set_parent_death_signal, set_title
+from joshua.supervisor.standby import GUARDIAN_PROGRAM, LAST_DESCRIPTOR, Standby
 
 #: Program of a child.
 NODE_PROGRAM = "joshua.node.main"
@@ -25,6 +26,7 @@ NODE_PROGRAM = "joshua.node.main"
 #: Modules for children. A missing module is reported by the node that imports it.
 PRELOADED = (
     NODE_PROGRAM,
+    GUARDIAN_PROGRAM,
     "numpy",
     "joshua.messages",
     "zenoh",
@@ -56,8 +58,10 @@ ORPHAN_GRACE_S = 0.7
 #: The control socket of every child.
 CONTROL_DESCRIPTOR = 3
 
+#: The socket of a forked child for the orders of its guardians.
+STANDBY_DESCRIPTOR = 4
+
 _FIRST_FREE = 32
-_LAST_DESCRIPTOR = 1024
 
 
 class Server:
@@ -69,26 +73,29 @@ class Server:
         self._wake_receiver, self._wake_sender = socket.socketpair()
         self._wake_receiver.setblocking(False)
         self._wake_sender.setblocking(False)
+        self._selector = selectors.DefaultSelector()
+        self._standby = Standby(self._selector)
 
     def run(self) -> int:
         """Serves until the end and returns the exit code."""
         signal.signal(signal.SIGCHLD, lambda _number, _frame: None)
         signal.set_wakeup_fd(self._wake_sender.fileno(), warn_on_full_buffer=False)
-        with selectors.DefaultSelector() as selector:
-            selector.register(self._frames.fileno(), selectors.EVENT_READ, self._serve_requests)
-            selector.register(self._wake_receiver.fileno(), selectors.EVENT_READ, self._reap)
-            try:
-                while True:
-                    for key, _events in selector.select():
+        self._selector.register(self._frames.fileno(), selectors.EVENT_READ, self._serve_requests)
+        self._selector.register(self._wake_receiver.fileno(), selectors.EVENT_READ, self._reap)
+        try:
+            while True:
+                for key, _events in self._selector.select(self._standby.pause_s()):
+                    if self._selector.get_map().get(key.fd) is key:  # not closed by one before
                         key.data()
-            except EndOfStreamError:
-                self._end_children()
+                self._standby.look()
+        except EndOfStreamError:
+            self._end_children()
         return 0
 
     def close(self) -> None:
         """Closes the sockets. Idempotent."""
         signal.set_wakeup_fd(-1)
-        for item in (self._frames, self._wake_receiver, self._wake_sender):
+        for item in (self._standby, self._selector, self._frames, self._wake_receiver, self._wake_sender):
             item.close()
 
     def report(self, **event: Any) -> None:
@@ -107,6 +114,9 @@ class Server:
                 with contextlib.suppress(Exception):  # the node that loads it reports the cause
                     importlib.import_module(name)
         server_id = os.getpid()
+        # An executed program can have other plugins than this process, which then cannot stop its devices.
+        doubled = self._standby.available and request["operation"] == "fork"
+        ours, theirs = socket.socketpair(type=socket.SOCK_SEQPACKET) if doubled else (None, None)
         # A signal for the child stays pending until the child handles it. Ignored here, it would be lost.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
         try:
@@ -114,16 +124,24 @@ class Server:
         except OSError as error:
             text = f"the system refuses another process: {error}"
             self.report(event="refused", request=request["request"], text=text)
+            if ours is not None:
+                ours.close()
         else:
             if process_id == 0:
-                self._become_child(request, descriptors, server_id)
+                self._become_child(request, descriptors, server_id, theirs)
             self._children.add(process_id)
+            if ours is not None:
+                self._standby.add(process_id, ours)
             self.report(event="started", request=request["request"], process_id=process_id)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+        if theirs is not None:
+            theirs.close()
         for descriptor in descriptors:
             os.close(descriptor)
 
-    def _become_child(self, request: dict[str, Any], descriptors: list[int], server_id: int) -> NoReturn:
+    def _become_child(
+        self, request: dict[str, Any], descriptors: list[int], server_id: int, standby: socket.socket | None
+    ) -> NoReturn:
         try:
             signal.set_wakeup_fd(-1)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
@@ -131,11 +149,11 @@ class Server:
             set_parent_death_signal(signal.SIGTERM)
             if os.getppid() != server_id:
                 os._exit(1)
-            _redirect(descriptors)
+            _redirect(descriptors, None if standby is None else standby.detach())
             if request["operation"] == "execute":
                 _execute(request["arguments"], request["environment"])
             set_title(request["title"])
-            _run_node_process()
+            _run_node_process(None if standby is None else STANDBY_DESCRIPTOR)
         except BaseException:  # noqa: BLE001 (the process ends here, whatever it was)
             _show_crash()
         finally:
@@ -144,25 +162,28 @@ class Server:
     def _reap(self) -> None:
         with contextlib.suppress(BlockingIOError):
             self._wake_receiver.recv(4096)
-        while self._children:
+        while True:
             try:
                 process_id, status = os.waitpid(-1, os.WNOHANG)
             except ChildProcessError:
                 return
             if process_id == 0:
                 return
-            self._children.discard(process_id)
-            self.report(event="exited", process_id=process_id, status=status)
+            self._standby.ended(process_id, status)
+            if process_id in self._children:
+                self._children.discard(process_id)
+                self.report(event="exited", process_id=process_id, status=status)
 
     def _end_children(self) -> None:
-        """Waits for children to end with the supervisor, then kills the others."""
+        """Waits for children to end with the supervisor, then kills the others. Orders are carried out."""
         deadline_s = time.monotonic() + ORPHAN_GRACE_S
-        while self._children:
+        while self._children or self._standby.busy:
             with contextlib.suppress(EndOfStreamError):
                 self._reap()
             if time.monotonic() > deadline_s:
                 for process_id in self._children:
                     os.kill(process_id, signal.SIGKILL)
+            self._standby.look()
             time.sleep(0.01)
 
 
@@ -223,14 +244,20 @@ def _threads() -> int:
         return 1
 
 
-def _redirect(descriptors: list[int]) -> None:
-    """Sets up the child's standard streams and control socket, and closes all other descriptors."""
+def _redirect(descriptors: list[int], standby: int | None) -> None:
+    """Sets up the child's standard streams and sockets, and closes all other descriptors."""
     # Copies beyond the numbers that are about to be overwritten.
     control, output, error = (fcntl.fcntl(item, fcntl.F_DUPFD, _FIRST_FREE) for item in descriptors)
+    if standby is not None:
+        standby = fcntl.fcntl(standby, fcntl.F_DUPFD, _FIRST_FREE)
     null = os.open(os.devnull, os.O_RDONLY)
     for source, target in ((null, 0), (output, 1), (error, 2), (control, CONTROL_DESCRIPTOR)):
         os.dup2(source, target, inheritable=True)
-    os.closerange(CONTROL_DESCRIPTOR + 1, _LAST_DESCRIPTOR)
+    first = CONTROL_DESCRIPTOR + 1
+    if standby is not None:
+        os.dup2(standby, STANDBY_DESCRIPTOR, inheritable=False)
+        first = STANDBY_DESCRIPTOR + 1
+    os.closerange(first, LAST_DESCRIPTOR)
 
 
 def _execute(arguments: list[str], environment: dict[str, str]) -> NoReturn:
@@ -240,7 +267,7 @@ def _execute(arguments: list[str], environment: dict[str, str]) -> NoReturn:
     os.execve(arguments[0], arguments, environment)  # noqa: S606
 
 
-def _run_node_process() -> None:
+def _run_node_process(standby: int | None) -> None:
     # By name: this room must not import the node's.
     program = importlib.import_module(NODE_PROGRAM)
     # Line-buffered; the server's own streams may be those of a test runner.
@@ -250,7 +277,7 @@ def _run_node_process() -> None:
         sys.modules["numpy.random"].seed()  # each child draws other numbers
     code = program.EXIT_INTERNAL
     try:
-        code = program.run_forked(CONTROL_DESCRIPTOR)
+        code = program.run_forked(CONTROL_DESCRIPTOR, standby_descriptor=standby)
     except BaseException:  # noqa: BLE001 (the process ends here, whatever it was)
         _show_crash()
     finally:

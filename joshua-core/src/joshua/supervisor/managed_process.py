@@ -162,7 +162,8 @@ class ManagedProcess:
             self._reactor.call_later(0, lambda: self._on_change(self, Change.ENDED))
             return
         light = {name for spec in self.specs for name in (*spec.extensions, spec.settings_type) if name}
-        modules = tuple(sorted(name.partition(":")[0] for name in light))
+        light |= {spec.facts.estop_action for spec in self.specs if isinstance(spec.facts, ActuatorFacts)}
+        modules = tuple(sorted(name.partition(":")[0] for name in light if name))
         self._child = Child(self._reactor, self._launcher, title, modules, interpreter, self._on_child)
 
     def start(self) -> None:

@@ -188,6 +188,7 @@ def start_table(
         notes=tuple(notes),
         findings=plan.findings,
         visible=". ".join(filter(None, (visible_to(transport), transport.limits))),
+        commands=commanded_by(transport),
     )
 
 
@@ -207,6 +208,27 @@ def visible_to(transport: TransportSettings) -> str:
             "for other machines, start with ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"
         )
     return f"in the local network, with {domain} and their default discovery range"
+
+
+def commanded_by(transport: TransportSettings) -> str:
+    """Who can command a run over its transport; "" if only the transport's own settings say."""
+    if transport.discovery_range == "OFF":
+        return ""
+    if transport.kind == "dds":
+        local = transport.discovery_range == "LOCALHOST"
+        who = "every user of this machine" if local else "everyone in the local network"
+        return f"unprotected: {who} can command, because DDS without SROS 2 has no access control"
+    if transport.kind != "zenoh":
+        return ""
+    from joshua.transport.zenoh.meeting import reach_of
+
+    reach = reach_of(transport)
+    if reach == "this user":
+        return "from this user and root; other users of this machine can only watch"
+    if reach == "certificates":
+        return "from everyone with a certificate of the authority in root_ca_file"
+    where = ", ".join((*transport.listen_endpoints, *transport.connect_endpoints))
+    return f"unprotected: everyone who reaches {where} can command"
 
 
 def priority_notes(records: Sequence[NodeRecord]) -> list[str]:

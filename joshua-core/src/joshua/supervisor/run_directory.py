@@ -24,6 +24,7 @@ from joshua.supervisor.reactor import Reactor
 
 LOG_NAME = "log.jsonl"
 PHYSICS_FOLDER = "physics"
+LINK_FOLDER = "links"
 
 
 class NodesInUseError(Exception):
@@ -71,8 +72,15 @@ class RunDirectory:
         """
         if all(os.path.exists(self.path / name) for name in (INFO_NAME, LOCK_NAME)):  # noqa: PTH110 (raises nothing)
             return False
+        base = self.path.parents[1]
         self._unlock()
-        self._descriptors = _make(self.path.parents[1], self.info)
+        with contextlib.suppress(OSError):  # the next step reports it
+            base.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        try:
+            self._descriptors = _make(base, self.info)
+        except RunDirectoryError:
+            self._descriptors = _relock(base, self.info)
+            raise
         return True
 
     @property
@@ -87,11 +95,11 @@ class RunDirectory:
             socket=str(self.socket_path),
             robot=self.info.robot,
             domain_id=self.info.domain_id,
-            latch_folder=str(latch_folder(self.path.parents[1])),
+            latch_folder=str(latch.latch_folder(self.path.parents[1])),
             estop_files=str(self.path / latch.FOLDER_NAME),
             source=self.info.source,
             run=self.info.run,
-            energised_folder=str(energised_folder(self.path.parents[1])),
+            energised_folder=str(energised.energised_folder(self.path.parents[1])),
         )
 
     def point_to_log(self, log: Path) -> None:
@@ -115,26 +123,29 @@ def _make(base: Path, info: RunInfo) -> list[int]:
     nodes = private(base / "nodes")
     with contextlib.ExitStack() as undo, _unusable(base), _locked(base):
         remove_stale(runs)
-        remove_stale(base / PHYSICS_FOLDER)
+        for name in (PHYSICS_FOLDER, LINK_FOLDER):
+            remove_stale(base / name)
         descriptors = _lock_nodes([nodes, *(other / "nodes" for other in other_bases(base))], info, undo)
+        latch.LatchFolder(latch.latch_folder(base)).keep_spare()
         path = runs / info.run
-        path.mkdir(mode=0o700)
+        path.mkdir(mode=0o700, exist_ok=True)  # a part of it may be left
         descriptors.append(_lock(path / LOCK_NAME, undo, wait=True))
-        (path / INFO_NAME).write_text(json.dumps(asdict(info)))
+        # Last and whole, because it makes the run visible.
+        latch.write_whole(path / INFO_NAME, json.dumps(asdict(info)).encode())
         undo.pop_all()
     return descriptors
 
 
 @contextlib.contextmanager
-def physics_folder(base: Path) -> Iterator[Path]:
-    """A folder for the socket between emulated devices and their simulation, which start before the run.
+def socket_folder(base: Path, name: str) -> Iterator[Path]:
+    """A folder for the sockets of a simulation, which starts before the run, or of the links between nodes.
 
     It is removed at the end. The next run at this base removes the folders of killed processes.
 
     Raises:
         RunDirectoryError: the base cannot be created or does not belong to this user.
     """
-    folders = private(private(base) / PHYSICS_FOLDER)
+    folders = private(private(base) / name)
     path = folders / secrets.token_hex(4)
     with contextlib.ExitStack() as stack:
         with _unusable(base), _locked(base):
@@ -143,16 +154,6 @@ def physics_folder(base: Path) -> Iterator[Path]:
             _lock(path / LOCK_NAME, stack, wait=True)
         stack.callback(shutil.rmtree, path, ignore_errors=True)
         yield path
-
-
-def latch_folder(base: Path) -> Path:
-    """Folder of the e-stop latches of this user's robots, beside the runs, because a latch outlives a run."""
-    return base / latch.FOLDER_NAME
-
-
-def energised_folder(base: Path) -> Path:
-    """Folder of the records of actuators with torque, which outlive a run, too."""
-    return base / energised.FOLDER_NAME
 
 
 def remove_stale(runs: Path) -> None:
@@ -200,6 +201,7 @@ def _lock_nodes(folders: Sequence[Path], info: RunInfo, stack: contextlib.ExitSt
     """Locks each node in the first folder and checks its locks in the others. Raises NodesInUseError."""
     held: dict[str, list[str]] = {}
     descriptors: list[int] = []
+    text = json.dumps(asdict(info)).encode()
     for folder in folders:
         for node in info.nodes:
             path = folder / f"{info.domain_id}{node.replace('/', '.')}"
@@ -213,8 +215,9 @@ def _lock_nodes(folders: Sequence[Path], info: RunInfo, stack: contextlib.ExitSt
                 held.setdefault(_holder(path), []).append(node)
                 continue
             descriptors.append(descriptor)
-            os.ftruncate(descriptor, 0)
-            os.write(descriptor, json.dumps(asdict(info)).encode())
+            if os.pread(descriptor, len(text) + 1, 0) != text:
+                os.ftruncate(descriptor, 0)
+                os.pwrite(descriptor, text, 0)
     if held:
         lines = [f"{', '.join(nodes)}: held by {holder}" for holder, nodes in held.items()]
         raise NodesInUseError(
@@ -222,6 +225,15 @@ def _lock_nodes(folders: Sequence[Path], info: RunInfo, stack: contextlib.ExitSt
             "or run this file in another ROS_DOMAIN_ID"
         )
     return descriptors
+
+
+def _relock(base: Path, info: RunInfo) -> list[int]:
+    """Locks the nodes again whose files are still there, because the directory could not be created."""
+    with contextlib.ExitStack() as undo, contextlib.suppress(OSError, NodesInUseError):
+        descriptors = _lock_nodes([base / "nodes"], info, undo)
+        undo.pop_all()
+        return descriptors
+    return []
 
 
 def _holder(path: Path) -> str:
@@ -248,25 +260,26 @@ class RunPlace:
         self._directory = directory
         self._handlers = handlers
         self._server: ControlServer | None = None
-        self._lost = False
+        self._lost = self._unserved = False
         self._serve()
 
     def look(self) -> None:
-        """Creates the place again if it is gone. Takes two file checks."""
+        """Creates the place again if a part of it is gone. Takes three file checks."""
         try:
-            if not self._directory.restore():
-                return
+            restored = self._directory.restore()
         except (NodesInUseError, RunDirectoryError) as error:
             if not self._lost:
                 self._lost = True
                 text = f"its directory was removed, so joshua estop and stop do not find this run: {error}"
                 self._logbook.write(logging.ERROR, text)
             return
-        self._lost = False
-        self._serve()
-        self._logbook.write(
-            logging.WARNING, "the directory of this run was removed and has been created again"
-        )
+        if restored or not os.path.exists(self._directory.socket_path):  # noqa: PTH110 (raises nothing)
+            self._serve()
+        if restored:
+            self._lost = False
+            self._logbook.write(
+                logging.WARNING, "the directory of this run was removed and has been created again"
+            )
 
     def close(self) -> None:
         """Removes the directory. Idempotent."""
@@ -282,5 +295,9 @@ class RunPlace:
         try:
             self._server = ControlServer(self._reactor, self._directory.socket_path, self._handlers)
         except OSError as error:
-            text = f"no control socket, so no `joshua status`: {error}"
-            self._logbook.write(logging.WARNING, text)
+            if not self._unserved:  # the next look tries again
+                self._unserved = True
+                text = f"no control socket, so no `joshua status`: {error}"
+                self._logbook.write(logging.WARNING, text)
+        else:
+            self._unserved = False

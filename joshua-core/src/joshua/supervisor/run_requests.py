@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
 
+from joshua.guardian.latch import latch_of
 from joshua.ipc import messages as ipc
 from joshua.ipc.client import is_named
 from joshua.ipc.frames import FrameError
@@ -64,6 +65,8 @@ class RunRequests:
         self._on_guardian = on_guardian
         self._ids = itertools.count(1)
         self._pending: dict[int, _Pending] = {}
+        self._held_estop: ipc.Estop | None = None
+        self._estop_clients: list[Connection] = []
 
     def handlers(self) -> dict[str, Handler]:
         """By the name of the request."""
@@ -77,7 +80,9 @@ class RunRequests:
         }
 
     def ready(self, process: ManagedProcess) -> None:
-        """Sends the calls that waited for a process."""
+        """Sends the calls that waited for a process, and an e-stop that is not a file."""
+        if self._held_estop is not None:
+            process.send(self._held_estop)
         for pending in list(self._pending.values()):
             if pending.process is process and not pending.sent:
                 if pending.client.closed:  # the command was interrupted
@@ -130,11 +135,46 @@ class RunRequests:
         self._on_guardian(node)
         return {"written": True}
 
-    def _estop(self, request: Request, _client: Connection) -> dict[str, Any]:
-        """Logs an e-stop. Drivers and guardians read the latch themselves."""
-        text = "the e-stop is released" if request.get("released") else "the e-stop is latched"
-        self._logbook.write(logging.CRITICAL, f"{text} by process {request.get('process_id')}")
+    def _estop(self, request: Request, client: Connection) -> dict[str, Any]:
+        """Passes an e-stop, or its release, on to the nodes, and their reports to the client.
+
+        Drivers and guardians read the latch themselves. They act earlier if they are told, and they must be
+        told if the latch could not be stored.
+        """
+        if request.get("released") is True:
+            return self._release_estop(request)
+        latch, stored = request.get("latch"), request.get("stored") is not False
+        try:
+            if latch is not None:
+                latch_of(latch)
+        except (TypeError, KeyError) as error:
+            return _error("invalid", f"latch is {latch!r}, which is no e-stop: {error}")
+        message = ipc.Estop(latch=latch, stored=stored)
+        self._held_estop = None if latch is None or stored else message
+        self._tell_all(message)
+        self._logbook.write(logging.CRITICAL, f"the e-stop is latched by process {request.get('process_id')}")
+        self._estop_clients = [item for item in self._estop_clients if not item.closed]
+        self._estop_clients.append(client)
         return {"noted": True}
+
+    def _release_estop(self, request: Request) -> dict[str, Any]:
+        """Ends an e-stop; with ``held_only`` only one that is no file."""
+        held, self._held_estop = self._held_estop, None
+        if held is not None or not request.get("held_only"):
+            self._tell_all(ipc.Estop())
+            text = f"the e-stop is released by process {request.get('process_id')}"
+            self._logbook.write(logging.CRITICAL, text)
+        return {"noted": True, "held": held is not None}
+
+    def _tell_all(self, message: ipc.Estop) -> None:
+        for process in self._processes:
+            if process.alive:
+                process.send(message)
+
+    def estopped(self, message: ipc.Estopped) -> None:
+        """Passes the report of a node to the commands that wait for it."""
+        for client in self._estop_clients:
+            client.send({"report": message.report})
 
     def _subscribe(self, request: Request, client: Connection) -> dict[str, Any] | None:
         """Sends the status and then events; ``events`` names the wanted ones."""

@@ -33,7 +33,8 @@ def starting(base: Path) -> Iterator[None]:
             unlocked.replace(path)  # visible only when locked
         yield
     finally:
-        path.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # a file system that is read-only by now; the lock decides
+            path.unlink(missing_ok=True)
         os.close(descriptor)
 
 
@@ -42,5 +43,6 @@ def started_processes(bases: Sequence[Path]) -> set[int]:
     paths = [path for base in bases for path in (base / FOLDER_NAME).glob(f"*{_SUFFIX}")]
     free = [path for path in paths if is_free(path)]
     for path in free:
-        path.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # a read-only file system
+            path.unlink(missing_ok=True)
     return {int(path.stem) for path in paths if path not in free}

@@ -15,11 +15,12 @@ from contextlib import ExitStack, suppress
 from dataclasses import replace
 from enum import Enum
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from joshua.guardian.drop_order import DropOrder
 from joshua.ipc import messages as ipc
-from joshua.ipc.run_bases import RunDirectoryError
+from joshua.ipc.run_bases import MAX_PATH_BYTES, RunDirectoryError, short_base_directory
 from joshua.plan import NodeKind, NodeSpec, Plan, RunFacts, RunReport
 from joshua.plan.events import RunEvent, RunStatus
 from joshua.plan.report import without_reasons
@@ -33,7 +34,13 @@ from joshua.supervisor.node_record import NodeRecord, priority_notes, run_status
 from joshua.supervisor.policies import SupervisorOptions
 from joshua.supervisor.reactor import Reactor, StopSignals
 from joshua.supervisor.repeated_stop import Press, RepeatedStop, StopNotice
-from joshua.supervisor.run_directory import NodesInUseError, RunDirectory, RunPlace
+from joshua.supervisor.run_directory import (
+    LINK_FOLDER,
+    NodesInUseError,
+    RunDirectory,
+    RunPlace,
+    socket_folder,
+)
 from joshua.supervisor.run_requests import RunRequests
 from joshua.supervisor.terminal_guard import TerminalGuard
 
@@ -46,6 +53,8 @@ def process_groups(nodes: Sequence[NodeSpec]) -> list[tuple[NodeSpec, ...]]:
         groups.setdefault(key, []).append(spec)
     return [tuple(specs) for specs in groups.values()]
 
+
+_LINK_BYTES = len(f"/{LINK_FOLDER}/01234567/01234567.sock")
 
 EXIT_OK = 0
 EXIT_FAILED = 1
@@ -103,6 +112,7 @@ class Supervisor:
         self._first_message_s: float | None = None
         self._stop_began_s: float | None = None
         self._router: Any = None
+        self._transport = plan.transport
         self._activated = False
         self._settling = False
         self._defects = 0
@@ -166,6 +176,7 @@ class Supervisor:
                 robot=plan.robot_id,
                 actuators=[spec.full_name for spec in plan.nodes if spec.kind is NodeKind.ACTUATOR],
             )
+            links = self._open_link_folder(stack, directory)
         except (NodesInUseError, RunDirectoryError) as error:
             self._exit_code = EXIT_HARDWARE if isinstance(error, NodesInUseError) else EXIT_FAILED
             self._reason = str(error)
@@ -179,7 +190,19 @@ class Supervisor:
             self._run = replace(self._run, energised_folder="")
         with suppress(OSError):  # giving the order then makes the file
             DropOrder(self._run.estop_files).prepare()
+        self._transport = plan.transport.model_copy(update={"link_folder": str(links)})
         return True
+
+    def _open_link_folder(self, stack: ExitStack, directory: RunDirectory) -> Path:
+        """A folder for the sockets between the nodes, in the base of the run if their paths fit there."""
+        base = self._options.run_base
+        if len(os.fsencode(base)) + _LINK_BYTES > MAX_PATH_BYTES:
+            base = short_base_directory(os.environ, _LINK_BYTES)
+        try:
+            return stack.enter_context(socket_folder(base, LINK_FOLDER))
+        except RunDirectoryError:
+            directory.close()
+            raise
 
     def _start(self, stack: ExitStack) -> None:
         plan, options = self._plan, self._options
@@ -190,7 +213,7 @@ class Supervisor:
         tools = (self._reactor, launcher, self._logbook)
         groups = process_groups(plan.nodes)
         self._processes += [
-            ManagedProcess(specs, plan.transport, options, tools, self._on_change, self._on_message)
+            ManagedProcess(specs, self._transport, options, tools, self._on_change, self._on_message)
             for specs in groups
         ]
         count = "1 node" if len(plan.nodes) == 1 else f"{len(plan.nodes)} nodes"
@@ -224,7 +247,7 @@ class Supervisor:
         from joshua.transport import TransportError, prepare_transport
 
         try:
-            self._router = prepare_transport(self._plan.transport)
+            self._router = prepare_transport(self._transport)
         except (TransportError, TargetError) as error:
             self._stop(str(error), error.exit_code)
             return False
@@ -248,6 +271,8 @@ class Supervisor:
         """Handles what concerns the run. The process has noted the message already."""
         if isinstance(message, ipc.CallReply):
             self._requests.replied(message)
+        elif isinstance(message, ipc.Estopped):
+            self._requests.estopped(message)
         elif isinstance(message, ipc.Progressed):
             self._logbook.publish(message.progress)
         elif isinstance(message, ipc.FirstMessage):

@@ -177,6 +177,7 @@ def start_lines(table: StartTable, screen: Screen = PLAIN) -> list[str]:
     title = [part for part in (table.source, table.mode, table.robot) if part]
     lines = [*screen.wrap(" · ".join(title)), *screen.wrap(f"transport: {table.transport}")]
     lines += [*screen.wrap(f"ROS 2 tools: {table.visible}")] * bool(table.visible)
+    lines += [*screen.wrap(f"commands: {table.commands}")] * bool(table.commands)
     heading = ("NODE", "PROCESS", "BACKEND", "TOPIC", "TYPE", "RATE")
     full, short = (
         [heading, *(row for node in table.nodes for row in _node_rows(node, way))] for way in (0, 1)
@@ -229,9 +230,12 @@ def status_lines(status: RunStatus, screen: Screen = PLAIN) -> list[str]:
 
 def node_cells(node: NodeStatus, *, full_topics: bool = False) -> list[Cell]:
     """A node's state in cells: its name, its text, its progress, and its publish rates."""
+    texts = [node.full_name, *([f"[{node.shown}]"] if node.shown else [])]
+    if node.state == "fault":
+        name, *shown = map(clean, texts)
+        return [Cell(name), state_cell(node), *map(Cell, shown)]
     if node.state != "ready":
         return [Cell(clean(node.full_name)), state_cell(node)]
-    texts = [node.full_name, *([f"[{node.shown}]"] if node.shown else [])]
     texts += [f"[{progress_text(item)}]" for item in node.progress]
     return [*(Cell(clean(text)) for text in texts), *_rate_cells(node, full_topics)]
 

@@ -9,10 +9,12 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from joshua.guardian.latch import EstopReport, Latch
 from joshua.node.cadence import TrafficFigures
 from joshua.node.context import NodeContext
 from joshua.node.endpoints import MessagePublisher
 from joshua.node.timers import Timer
+from joshua.node.writers import Writer
 from joshua.plan import NodeSpec, TopicSpec
 from joshua.plan.progress import Progress
 
@@ -34,8 +36,8 @@ class RecordingContext(NodeContext):
     """The context of a behaviour in a test, in place of the runtime's.
 
     The test runs timers (``tick``), delivers messages (``receive``), and reads what the behaviour reported:
-    ``failures``, ``warnings``, ``faults``, ``ends``, ``shown``, ``waits``, ``progresses``. Threads are real.
-    ``stop`` joins them and raises their exception, if any.
+    ``failures``, ``warnings``, ``faults``, ``estops``, ``ends``, ``shown``, ``waits``, ``progresses``.
+    Threads are real. ``stop`` joins them and raises their exception, if any.
 
     Args:
         spec: the node's part of the plan.
@@ -46,13 +48,16 @@ class RecordingContext(NodeContext):
         self.log = logging.getLogger(f"joshua.testing.{spec.name}")
         self.publishers: dict[str, RecordingPublisher] = {}
         self.subscriptions: dict[str, Callable[[Any, int], None]] = {}
-        self.named_subscriptions: dict[str, Callable[[Any, int, str], None]] = {}
+        self.writer_subscriptions: dict[str, Callable[[Any, int, Writer], None]] = {}
         self._received: dict[str, TrafficFigures] = {}
         self.timers: dict[str, tuple[float, Callable[[], None]]] = {}
         self.warnings: list[str] = []
         self.failures: list[str] = []
         self.faults: list[str] = []
         self.fault_reason = ""
+        self.held_estop: Latch | None = None
+        self.estop_came = False
+        self.estops: list[EstopReport] = []
         self.shown = ""
         self.progresses: dict[str, Progress] = {}
         self.waits = ""
@@ -68,8 +73,10 @@ class RecordingContext(NodeContext):
         self.subscriptions[topic.name] = callback
         return self._received.setdefault(topic.name, TrafficFigures(topic, is_publisher=False))
 
-    def subscribe_named(self, topic: TopicSpec, callback: Callable[[Any, int, str], None]) -> TrafficFigures:
-        self.named_subscriptions[topic.name] = callback
+    def subscribe_with_writer(
+        self, topic: TopicSpec, callback: Callable[[Any, int, Writer], None]
+    ) -> TrafficFigures:
+        self.writer_subscriptions[topic.name] = callback
         return self._received.setdefault(topic.name, TrafficFigures(topic, is_publisher=False))
 
     def create_timer(self, period_s: float, callback: Callable[[], None], *, name: str = "") -> Timer:
@@ -127,6 +134,12 @@ class RecordingContext(NodeContext):
         self.fault_reason = reason
         self.faults.append(reason)
 
+    def take_estop(self, latch: Latch | None, *, stored: bool) -> None:
+        self.held_estop = None if stored else latch
+
+    def estopped(self, report: EstopReport) -> None:
+        self.estops.append(report)
+
     def show(self, text: str) -> None:
         self.shown = text
 
@@ -138,8 +151,8 @@ class RecordingContext(NodeContext):
     def receive(self, topic: str, message: Any, publisher: str = "") -> None:
         """Deliver a message to a subscription; ``publisher`` is the full name of a node."""
         self._received[topic].add()
-        if topic in self.named_subscriptions:
-            self.named_subscriptions[topic](message, self.now_ns(), publisher)
+        if topic in self.writer_subscriptions:
+            self.writer_subscriptions[topic](message, self.now_ns(), Writer.of_node(publisher))
         else:
             self.subscriptions[topic](message, self.now_ns())
 

@@ -90,6 +90,7 @@ def choose_transport(
         "network_interface": block.network_interface,
         "peers": (*block.peers, *_static_peers(environment)),
         "discovery_range": discovery,
+        "open_to_local_users": block.open_to_local_users,
     }
     if block.listen_endpoints:
         values["listen_endpoints"] = tuple(block.listen_endpoints)

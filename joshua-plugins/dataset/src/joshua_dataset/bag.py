@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
+import io
 import json
 import struct
 import time
@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from joshua.messages.typestore import definitions, distro, type_hash
+
+from joshua_dataset.files import PatientFile
 
 FILE = "messages.mcap"
 METADATA = "metadata.yaml"
@@ -54,7 +56,9 @@ class Bag:
         self.count = self.begin_ns = self.end_ns = 0
         self._topics: dict[str, _Topic] = {}
         self._schemas: dict[str, int] = {}
-        self._file: Any = (folder / FILE).open("wb")
+        self._disk = PatientFile(folder / FILE)
+        self._file = io.BufferedWriter(self._disk)
+        self._is_finished = False
         self._flushed_s = time.monotonic()
         self._writer: Any = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE)
         self._writer.start(profile="ros2", library="joshua-dataset")
@@ -80,17 +84,25 @@ class Bag:
         if now_s - self._flushed_s > FLUSH_S:
             self._file.flush()
             self._flushed_s = now_s
+        if self._disk.error is not None:
+            raise self._disk.error
 
     def close(self) -> None:
-        """Complete the file and write the metadata, without which rosbag2 does not open the folder."""
-        self._writer.finish()
+        """Complete the file and write the metadata, without which rosbag2 does not open the folder.
+
+        After an error of the disk, call it again when the cause is removed: no message is lost.
+        """
+        if not self._is_finished:
+            self._writer.finish()
+            self._file.flush()
+            self._is_finished = True
+        self._disk.push()
         self._file.close()
         (self.folder / METADATA).write_text(json.dumps(self._metadata(), indent=1) + "\n", encoding="utf-8")
 
     def drop(self) -> None:
         """Close the file, complete or not."""
-        with contextlib.suppress(OSError):  # buffered data is dropped anyway
-            self._file.close()
+        self._file.close()
 
     def _declared(self, topic: str, type_name: str) -> _Topic:
         if type_name not in self._schemas:
@@ -137,36 +149,74 @@ class Bag:
         }
 
 
-def completed(torn: Path, folder: Path) -> Bag:
-    """Copy the messages of an unfinished bag into a new, complete one."""
-    bag = Bag(folder)
-    for topic, type_name, message in messages(torn / FILE):
+def completed(torn: Path, folder: Path) -> tuple[Bag | None, bool]:
+    """Copy the whole messages of an unfinished bag into a complete one.
+
+    Returns:
+        The new bag, None without a message; and whether the file is damaged in a way that a kill does not
+        explain.
+
+    Raises:
+        OSError: the system does not let the bag be read or written.
+    """
+    bag = None
+    source = Messages(torn / FILE)
+    for topic, type_name, message in source:
+        if bag is None:
+            bag = Bag(folder)
         bag.add(topic, type_name, message.data, message.log_time, message.publish_time)
-    bag.close()
-    return bag
+    if bag is not None:
+        bag.close()
+    return bag, source.is_damaged
 
 
 def messages(path: Path) -> Iterator[tuple[str, str, Any]]:
     """Yield topic, type and record of each intact message in a file."""
-    from mcap.exceptions import McapError
-    from mcap.records import Channel, Message, Schema
-    from mcap.stream_reader import StreamReader
+    yield from Messages(path)
 
-    channels: dict[int, Channel] = {}
-    schemas: dict[int, Schema] = {}
-    if not path.exists():
-        return
-    with path.open("rb") as file:
-        records = iter(StreamReader(file, validate_crcs=True).records)
-        while True:
-            try:
-                record = next(records)
-            except (StopIteration, McapError, ValueError, EOFError, IndexError, struct.error):
-                return  # the end, or a truncated chunk
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                channels[record.id] = record
-            elif isinstance(record, Message):
-                channel = channels[record.channel_id]
-                yield channel.topic, schemas[channel.schema_id].name, record
+
+class Messages:
+    """The intact messages of a file, up to the first record that is not whole.
+
+    Args:
+        path: of the file.
+
+    Attributes:
+        is_damaged: after the iteration: something other than the end of the file is missing.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.is_damaged = False
+
+    def __iter__(self) -> Iterator[tuple[str, str, Any]]:
+        from mcap.exceptions import McapError
+        from mcap.records import Channel, Message, Schema
+        from mcap.stream_reader import StreamReader
+
+        channels: dict[int, Channel] = {}
+        schemas: dict[int, Schema] = {}
+        if not self._path.exists():
+            return
+        size = self._path.stat().st_size
+        with self._path.open("rb") as file:
+            records = iter(StreamReader(file, validate_crcs=True).records)
+            while True:
+                try:
+                    record = next(records)
+                except StopIteration:
+                    return
+                except (McapError, ValueError, EOFError, IndexError, KeyError, struct.error):
+                    # a torn record ends with the file
+                    self.is_damaged = file.tell() < size
+                    return
+                if isinstance(record, Schema):
+                    schemas[record.id] = record
+                elif isinstance(record, Channel):
+                    channels[record.id] = record
+                elif isinstance(record, Message):
+                    channel = channels.get(record.channel_id)
+                    if channel is None or channel.schema_id not in schemas:
+                        self.is_damaged = True
+                        return
+                    yield channel.topic, schemas[channel.schema_id].name, record

@@ -7,8 +7,19 @@ import subprocess
 
 from joshua.api import NodeContext
 
+from joshua_dataset.session import Phase
+
 #: Text-to-speech programs and their arguments; the first installed one is used.
 SPEAKERS = (("spd-say", "--"), ("espeak-ng", "--"), ("espeak", "--"), ("say",))
+
+#: Spoken text at the start of a phase.
+TEXTS = {
+    Phase.WARM_UP: "get ready",
+    Phase.RECORDING: "recording episode {}",
+    Phase.REVIEW: "stopped",
+    Phase.RESET: "reset the scene",
+    Phase.DONE: "all episodes are recorded",
+}
 
 
 class Cues:
@@ -22,6 +33,7 @@ class Cues:
         self._command: tuple[str, ...] = ()
         self._speaking: subprocess.Popen[bytes] | None = None
         self._waiting = ""
+        self._phase = Phase.IDLE
         if not spoken:
             return
         for program, *before in SPEAKERS:
@@ -31,6 +43,17 @@ class Cues:
                 return
         names = ", ".join(program for program, *_ in SPEAKERS)
         context.warn(f"spoken_cues has no effect: none of {names} is installed. Run `apt install espeak-ng`")
+
+    def follow(self, phase: Phase, number: int) -> None:
+        """Speak the text of a phase that has begun; called periodically.
+
+        Args:
+            number: of the episode.
+        """
+        self.tick()
+        if phase is not self._phase:
+            self._phase = phase
+            self.say(TEXTS.get(phase, "").format(number))
 
     def say(self, text: str) -> None:
         """Speak a text without blocking."""

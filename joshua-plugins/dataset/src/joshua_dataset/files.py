@@ -1,133 +1,110 @@
-"""Durable file operations: after a power cut, a change of a data set is either complete or absent."""
+"""The text of errors of a disk, and the places of a data set's own files."""
 
 from __future__ import annotations
 
-import contextlib
-import errno
-import json
+import io
 import os
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.csv as pa_csv
-import pyarrow.parquet as pq
+from joshua.api.files import Files as Files
+from joshua.api.files import remedy
 
-#: What to do about an error of the disk.
-_REMEDIES = {
-    errno.EROFS: "The disk is read-only: `dmesg` says why. Mount it again, or name another local_path",
-    errno.ENOSPC: "Free some space, or name another local_path",
-    errno.EIO: "Check the disk and its cable",
-    errno.ENODEV: "Check the disk and its cable",
-}
+from joshua_dataset.lock import PRIVATE
 
 
 def reason(error: Exception) -> str:
     """Return the text of an error, with what to do about the disk."""
-    remedy = _REMEDIES.get(getattr(error, "errno", None) or 0)
-    return f"{error}. {remedy}" if remedy else str(error)
+    found = remedy(error)
+    return f"{error}. {found}" if found else str(error)
 
 
-class Files:
-    """The operations whose order decides what a power cut leaves behind."""
-
-    def sync(self, path: Path) -> None:
-        """Flush the content of a file to the disk. Raises OSError."""
-        self._sync(path, os.O_RDONLY)
-
-    def sync_folder(self, folder: Path) -> None:
-        """Flush the names in a folder to the disk. Raises OSError."""
-        self._sync(folder, os.O_RDONLY | os.O_DIRECTORY)
-
-    def replace(self, source: Path, target: Path) -> None:
-        """Move a file into place. Raises OSError."""
-        source.replace(target)
-
-    def make_folder(self, folder: Path) -> None:
-        """Create a folder and its parents, and flush their names. Raises OSError."""
-        if folder.is_dir():
-            return
-        if folder.exists():
-            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
-        self.make_folder(folder.parent)
-        folder.mkdir(exist_ok=True)
-        self.sync_folder(folder.parent)
-
-    @staticmethod
-    def _sync(path: Path, flags: int) -> None:
-        descriptor = os.open(path, flags)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+def cause(error: Exception) -> str:
+    """Return the text of an error without its remedy, for messages that end with a command."""
+    return str(getattr(error, "strerror", None) or error)
 
 
-class Staging:
-    """The files of one change of a data set; readers see none of them before ``commit``.
+def remedy_first(error: Exception, then: str) -> str:
+    """Return what to do about the disk, and what after that, in one sentence.
 
     Args:
-        files: file operations.
+        then: an imperative, such as ``run the command again``.
+    """
+    found = remedy(error)
+    return f"{found}, then {then}" if found else f"{then[0].upper()}{then[1:]}"
+
+
+def aside_folder(folder: Path) -> Path:
+    """Return the folder of what could not be mended in a data set; no command removes anything from it."""
+    return folder / PRIVATE / "aside"
+
+
+class PatientFile(io.RawIOBase):
+    """New file whose content waits in memory while the disk refuses it, so that no codec sees the error.
+
+    Its user looks at ``error`` after each write, ends soon, and calls ``push`` when there is space again.
+
+    Args:
+        path: of the file.
+
+    Attributes:
+        error: of the disk; None while everything is written.
+
+    Raises:
+        OSError: the file cannot be created.
     """
 
-    def __init__(self, files: Files) -> None:
-        self._files = files
-        self._staged: list[tuple[Path, Path]] = []
-        self._moved: list[tuple[Path, Path]] = []
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o666)
+        self._position = self._size = 0
+        self._waiting: list[tuple[int, bytes]] = []
+        self.error: OSError | None = None
 
-    def table(self, path: Path, table: pa.Table) -> None:
-        """Write a table in the format that the suffix names: ``.parquet``, ``.csv`` or ``.jsonl``.
+    def writable(self) -> bool:
+        """See ``io.IOBase``."""
+        return True
 
-        Raises:
-            OSError, pyarrow.ArrowException: writing fails.
-        """
-        fresh = self._fresh(path)
-        if path.suffix == ".csv":
-            pa_csv.write_csv(table, fresh)
-        elif path.suffix == ".jsonl":
-            with fresh.open("w", encoding="utf-8") as file:
-                for batch in table.to_batches(max_chunksize=1000):
-                    file.writelines(json.dumps(row) + "\n" for row in batch.to_pylist())
-        else:
-            pq.write_table(table, fresh, compression="snappy")
+    def seekable(self) -> bool:
+        """See ``io.IOBase``."""
+        return True
 
-    def json(self, path: Path, value: Any) -> None:
-        """Write a value as JSON. Raises OSError."""
-        self._fresh(path).write_text(json.dumps(value, indent=4) + "\n", encoding="utf-8")
+    def write(self, data: Any) -> int:
+        """Write at the position; what the disk refuses waits, and what follows it."""
+        content = bytes(data)
+        self._waiting.append((self._position, content))
+        self._position += len(content)
+        self._size = max(self._size, self._position)
+        if self.error is None:
+            try:
+                self.push()
+            except OSError as error:
+                self.error = error
+        return len(content)
 
-    def move(self, source: Path, path: Path) -> None:
-        """Add a complete file or folder from the same disk. Raises OSError."""
-        self._files.make_folder(path.parent)
-        self._moved.append((source, path))
+    def push(self) -> None:
+        """Write what waits, in order. Raises OSError; what is not written waits on."""
+        while self._waiting:
+            position, content = self._waiting[0]
+            count = os.pwrite(self._descriptor, content, position)
+            if count < len(content):
+                self._waiting[0] = (position + count, content[count:])
+            else:
+                self._waiting.pop(0)
+        self.error = None
 
-    def commit(self) -> None:
-        """Move everything into place; the last file written follows when all others are safe on the disk.
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """See ``io.IOBase``."""
+        base = {os.SEEK_SET: 0, os.SEEK_CUR: self._position, os.SEEK_END: self._size}[whence]
+        self._position = base + offset
+        return self._position
 
-        Raises:
-            OSError: moving fails.
-        """
-        for fresh, _ in self._staged:
-            self._files.sync(fresh)
-        for source, _ in self._moved:
-            for path in source.rglob("*") if source.is_dir() else (source,):
-                self._files.sync(path)
-            if source.is_dir():
-                self._files.sync_folder(source)
-        *first, last = [*self._moved, *self._staged]
-        for source, path in first:
-            self._files.replace(source, path)
-        for folder in {path.parent for _, path in first}:
-            self._files.sync_folder(folder)
-        self._files.replace(*last)
-        self._files.sync_folder(last[1].parent)
+    def tell(self) -> int:
+        """See ``io.IOBase``."""
+        return self._position
 
-    def discard(self) -> None:
-        """Remove written files that are not in place."""
-        for fresh, _ in self._staged:
-            with contextlib.suppress(OSError):
-                fresh.unlink(missing_ok=True)
-
-    def _fresh(self, path: Path) -> Path:
-        self._files.make_folder(path.parent)
-        fresh = path.with_suffix(".new")
-        self._staged.append((fresh, path))
-        return fresh
+    def close(self) -> None:
+        """Close the file; what waits is dropped."""
+        if not self.closed:
+            os.close(self._descriptor)
+        super().close()

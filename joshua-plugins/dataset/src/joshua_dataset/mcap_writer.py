@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import contextlib
 import shutil
 import time
 from collections.abc import Mapping
@@ -15,12 +15,13 @@ from joshua.messages import MessageError, encode
 
 from joshua_dataset import metadata, open_episode
 from joshua_dataset.as_messages import Messages, topic_of
-from joshua_dataset.bag import Bag, completed
-from joshua_dataset.files import Files, Staging, reason
+from joshua_dataset.bag import FILE, Bag, completed
+from joshua_dataset.changes import Change
+from joshua_dataset.files import Files, reason
 from joshua_dataset.metadata import ACQUISITION, INFO, MESSAGES, OURS, TASKS
-from joshua_dataset.open_episode import JOURNAL, open_folder
+from joshua_dataset.open_episode import Syncer, open_folder
 from joshua_dataset.pictures import ERRORS
-from joshua_dataset.writer import DatasetWriter
+from joshua_dataset.writer import DatasetWriter, Decided
 
 #: Folder of an episode's bag.
 BAG_PATH = "data/chunk-{chunk_index:03d}/episode-{file_index:03d}"
@@ -39,6 +40,8 @@ class McapWriter(DatasetWriter):
     def __init__(self, layout: DatasetLayout, files: Files | None = None) -> None:
         super().__init__(replace(layout, pictures=MESSAGES), files)
         self._bag: Bag | None = None
+        self._syncer: Syncer | None = None
+        self._has_failed = self._is_closed = False
         self._made = Messages(layout)
         self._encoding_s = 0.0
 
@@ -60,11 +63,17 @@ class McapWriter(DatasetWriter):
     def add_message(self, topic: str, message: Any, log_ns: int, publish_ns: int) -> None:
         """Add a message to the open episode. Raises EpisodeError."""
         began_s = time.thread_time()
+        if self._has_failed:
+            raise EpisodeError(f"{self.layout.folder} takes no message: the episode has ended with an error")
         try:
             if self._bag is None:
                 self._bag = self._opened()
+                self._syncer = Syncer(self._sync)
+            if self._syncer is not None and self._syncer.error is not None:
+                raise self._syncer.error
             self._bag.add(topic, type(message).__msgtype__, encode(message), log_ns, publish_ns)
         except (OSError, MessageError) as error:
+            self._has_failed = self._bag is not None and isinstance(error, OSError)
             raise EpisodeError(
                 f"{self.layout.folder} takes no message of {topic}: {reason(error)}"
             ) from error
@@ -79,48 +88,86 @@ class McapWriter(DatasetWriter):
         """See ``EpisodeWriter``."""
         if self._bag is None:
             raise EpisodeError(f"{self.layout.folder}: an episode without a message cannot be kept")
-        try:
-            self._bag.close()
-        except OSError as error:
-            raise self._not_kept(error) from error
-        self._keep_bag(self._bag, task, counts or {})
-        self._bag = None
+        self._end_sync()
+        if self._decided is not None:
+            self._complete_decided()
+        else:
+            try:
+                self._bag.close()
+            except OSError as error:
+                self._has_failed = True
+                raise self._not_kept(error) from error
+            self._is_closed = True
+            self._keep_bag(self._bag, task, counts or {}, is_damaged=False)
+        self._forget()
 
     def drop_episode(self) -> None:
-        """See ``EpisodeWriter``."""
-        if self._bag is not None:
-            self._bag.drop()
-            self._bag = None
-            open_episode.remove(self.layout.folder)
+        """See ``DatasetWriter``."""
+        if self._bag is None:
+            return
+        self._end_sync()
+        if self._decided is not None:
+            with contextlib.suppress(EpisodeError):  # it stays the open episode
+                self._complete_decided()
+                self._forget()
+            return
+        self._bag.drop()
+        self._forget()
+        open_episode.remove(self.layout.folder)
 
-    def complete(self, journal: Mapping[str, Any]) -> float:
-        """Keep what a kill has left of the open episode; return its length in seconds, 0 if nothing is left.
+    def leave(self) -> None:
+        """See ``DatasetWriter``."""
+        if self._bag is not None:
+            self._end_sync()
+            self._bag.drop()
+            self._forget()
+        self._decided = None
+        super().leave()
+
+    def close(self) -> None:
+        """See ``DatasetWriter``."""
+        if self._bag is not None and (self._has_failed or self._is_closed):
+            self.leave()
+            return
+        super().close()
+
+    def complete(self, task: str, counts: Mapping[str, int]) -> float:
+        """Keep what is whole of the open episode on the disk; return its length in seconds, 0 for none.
 
         Raises:
-            EpisodeError: writing fails.
+            EpisodeError: the system does not let it be read or kept; everything stays where it is.
         """
         folder = open_folder(self.layout.folder)
         whole = folder / "whole"
-        placed = self.layout.folder / BAG_PATH.format(**metadata.place(self.episodes))
-        if placed.exists() and not (folder / _BAG).exists():  # the kill came before it was counted
-            placed.replace(folder / _BAG)
-        shutil.rmtree(whole, ignore_errors=True)
-        bag = completed(folder / _BAG, whole)
-        if not bag.count:
-            open_episode.remove(self.layout.folder)
-            return 0.0
-        self._keep_bag(bag, str(journal.get("task", "")), {})
+        try:
+            if whole.exists():  # a copy of a repair that did not come to its end
+                shutil.rmtree(whole)
+            bag, is_damaged = completed(folder / _BAG, whole)
+            if bag is None:
+                return 0.0
+        except (*ERRORS, pa.ArrowException) as error:
+            raise self._not_kept(error) from error
+        self._keep_bag(bag, task, counts, is_damaged=is_damaged)
         return bag.length_s
 
     def _opened(self) -> Bag:
-        folder = open_folder(self.layout.folder)
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
-        journal = {"episode_index": self.episodes, **self._journal()}
-        (folder / JOURNAL).write_text(json.dumps(journal), encoding="utf-8")
+        folder = open_episode.begin(self.layout.folder, self.episodes, self._journal(), self._files)
         return Bag(folder / _BAG)
 
-    def _keep_bag(self, bag: Bag, task: str, counts: Mapping[str, int]) -> None:
+    def _sync(self) -> None:
+        folder = open_folder(self.layout.folder) / _BAG
+        self._files.sync(folder / FILE)
+        self._files.sync_folder(folder)
+
+    def _end_sync(self) -> None:
+        if self._syncer is not None:
+            self._syncer.stop()
+
+    def _forget(self) -> None:
+        self._bag = self._syncer = None
+        self._has_failed = self._is_closed = False
+
+    def _keep_bag(self, bag: Bag, task: str, counts: Mapping[str, int], *, is_damaged: bool) -> None:
         folder, place = self.layout.folder, metadata.place(self.episodes)
         tasks = self._tasks if task in self._tasks else [*self._tasks, task]
         row: dict[str, Any] = {
@@ -134,21 +181,23 @@ class McapWriter(DatasetWriter):
             "dataset_to_index": self.frames + bag.count,
             **{f"counts/{name}": int(counts.get(name, 0)) for name in self.layout.counters},
         }
-        staging = Staging(self._files)
+        change = Change(folder, self._files)
         try:
-            staging.move(bag.folder, folder / BAG_PATH.format(**place))
-            staging.table(folder / metadata.EPISODES_PATH.format(**place), pa.Table.from_pylist([row]))
+            change.begin()
+            target = folder / BAG_PATH.format(**place)
+            change.clear(target)
+            change.put(bag.folder, target)
+            change.table(folder / metadata.EPISODES_PATH.format(**place), pa.Table.from_pylist([row]))
             if tasks != self._tasks:
-                staging.table(folder / TASKS, metadata.tasks_table(tasks))
-            staging.json(folder / INFO, self._info(self.episodes + 1, self.frames + bag.count, len(tasks)))
-            staging.commit()
+                change.table(folder / TASKS, metadata.tasks_table(tasks))
+            info = self._info(self.episodes + 1, self.frames + bag.count, len(tasks))
+            change.json(folder / INFO, info, last=True)
+            aside = self._clear(change, is_damaged)
         except (*ERRORS, pa.ArrowException) as error:
-            staging.discard()
+            change.discard()
             raise self._not_kept(error) from error
-        self._tasks = tasks
-        self.episodes += 1
-        self.frames += bag.count
-        open_episode.remove(folder)
+        self._decided = Decided(change, bag.count, {}, tasks, aside)
+        self._complete_decided()
 
     def _info(self, episodes: int, messages: int, tasks: int) -> dict[str, Any]:
         info = metadata.info(self.layout, self.format, episodes=episodes, frames=messages, tasks=tasks)

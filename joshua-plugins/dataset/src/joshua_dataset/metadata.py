@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -52,6 +53,23 @@ MESSAGES = "messages"
 
 #: Entry of ``info.json`` for data that LeRobot's layout has no place for.
 OURS = "joshua"
+
+
+#: Names of the files of a data set, in the layouts v2 and v3, and of the folders of its episodes.
+_OWN = re.compile(
+    r"data/chunk-\d+/(file|episode)[-_]\d+(\.parquet|\.csv|\.jsonl)?"
+    r"|videos/.+/(file|episode)[-_]\d+\.mp4"
+    r"|images/.+/episode-\d+"
+    r"|meta/(info|stats)\.json"
+    r"|meta/(tasks|episodes|episodes_stats)\.(parquet|jsonl)"
+    r"|meta/episodes/chunk-\d+/file-\d+\.parquet"
+    r"|schema\.json"
+)
+
+
+def is_own(name: str) -> bool:
+    """Return whether a file or folder belongs to a data set, by its path in it with slashes."""
+    return _OWN.fullmatch(name) is not None
 
 
 def place(episode: int) -> dict[str, int]:

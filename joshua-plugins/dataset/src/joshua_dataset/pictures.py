@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import queue
 import shutil
 import threading
@@ -16,6 +17,8 @@ import av
 import numpy as np
 import numpy.typing as npt
 
+from joshua_dataset import mp4
+from joshua_dataset.files import PatientFile
 from joshua_dataset.statistics import PictureStatistics, Statistics
 
 PIXEL_FORMAT = "yuv420p"
@@ -57,9 +60,17 @@ Picture = npt.NDArray[np.uint8]
 
 
 class Target(ABC):
-    """Output for the pictures of one feature in one episode. Raises ``ERRORS``."""
+    """Output for the pictures of one feature in one episode. Raises ``ERRORS``.
+
+    What the disk refuses waits in memory until ``close`` can write it.
+    """
 
     path: Path
+
+    @property
+    @abstractmethod
+    def disk_error(self) -> OSError | None:
+        """Return why content waits; None if none does."""
 
     @abstractmethod
     def add(self, picture: Picture) -> None:
@@ -67,7 +78,11 @@ class Target(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Complete the output. Idempotent."""
+        """Complete the output. After an error of the disk, call it again. Idempotent."""
+
+    def unsynced(self) -> list[Path]:
+        """Return the files and folders to flush to the disk since the last call (on any thread)."""
+        return [self.path]
 
     def drop(self) -> None:
         """Remove everything, complete or not."""
@@ -98,7 +113,8 @@ class Video(Target):
             "frag_duration": str(round(FRAGMENT_S * 1e6)),
             "flush_packets": "1",
         }
-        self._container: Any = av.open(str(path), "w", format="mp4", options=container_options)
+        self._file = PatientFile(path)
+        self._container: Any = av.open(self._file, "w", format="mp4", options=container_options)
         stream: Any = self._container.add_stream(encoder, rate=fps)
         stream.width, stream.height = width, height
         stream.pix_fmt = PIXEL_FORMAT
@@ -106,14 +122,15 @@ class Video(Target):
         self._stream = stream
         self._step = Fraction(1, fps)
         self._count = 0
-        self._started = self._closed = False
+        self._is_muxed = False
+
+    @property
+    def disk_error(self) -> OSError | None:
+        """See ``Target``."""
+        return self._file.error
 
     def add(self, picture: Picture) -> None:
         """See ``Target``."""
-        if not self._started:
-            # separately, because PyAV crashes when it continues after a header that could not be written
-            self._container.start_encoding()
-            self._started = True
         frame: Any = av.VideoFrame.from_ndarray(picture, format="rgb24")
         frame.pts, frame.time_base = self._count, self._step
         self._container.mux(self._stream.encode(frame))
@@ -121,15 +138,23 @@ class Video(Target):
 
     def close(self) -> None:
         """See ``Target``."""
-        if self._closed:
+        if self._file.closed:
             return
-        self._closed = True
-        if not self._count:  # FFmpeg cannot complete a video without a picture
-            return
-        try:
-            self._container.mux(self._stream.encode(None))
-        finally:
-            self._container.close()
+        if self._count and not self._is_muxed:  # FFmpeg cannot complete a video without a picture
+            self._is_muxed = True
+            try:
+                self._container.mux(self._stream.encode(None))
+            finally:
+                self._container.close()
+        self._file.push()
+        if self._count and not mp4.fragments(self.path).is_complete:
+            raise OSError(errno.EIO, "the video cannot be completed", str(self.path))
+        self._file.close()
+
+    def drop(self) -> None:
+        """See ``Target``."""
+        super().drop()
+        self._file.close()
 
 
 class PictureFiles(Target):
@@ -143,16 +168,44 @@ class PictureFiles(Target):
         path.mkdir(parents=True, exist_ok=True)
         self.path = path
         self._suffix = suffix
-        self._count = 0
+        self._count = self._synced = 0
+        self._waiting: list[tuple[Path, bytes]] = []
+        self._error: OSError | None = None
+
+    @property
+    def disk_error(self) -> OSError | None:
+        """See ``Target``."""
+        return self._error
 
     def add(self, picture: Picture) -> None:
         """See ``Target``."""
         data = encoded(picture, png=self._suffix == ".png")
-        (self.path / f"frame-{self._count:06d}{self._suffix}").write_bytes(data)
+        self._waiting.append((self._place(self._count), data))
         self._count += 1
+        if self._error is None:
+            try:
+                self._push()
+            except OSError as error:
+                self._error = error
+
+    def unsynced(self) -> list[Path]:
+        """See ``Target``."""
+        first, self._synced = self._synced, self._count
+        return [*(self._place(number) for number in range(first, self._synced)), self.path]
 
     def close(self) -> None:
         """See ``Target``."""
+        self._push()
+
+    def _push(self) -> None:
+        while self._waiting:
+            path, data = self._waiting[0]
+            path.write_bytes(data)
+            self._waiting.pop(0)
+        self._error = None
+
+    def _place(self, number: int) -> Path:
+        return self.path / f"frame-{number:06d}{self._suffix}"
 
 
 def encoded(picture: Picture, *, png: bool) -> bytes:
@@ -182,7 +235,7 @@ class Encoder:
         self.busy_s = 0.0
         self._statistics = PictureStatistics()
         self._count = 0
-        self._error: BaseException | None = None
+        self._error: Exception | None = None
         self._queue: queue.Queue[Picture | None] = queue.Queue(max(2, depth))
         self._thread = threading.Thread(target=self._run, name=f"encoder {name}", daemon=True)
         self._thread.start()
@@ -192,21 +245,31 @@ class Encoder:
         """Pictures in the queue."""
         return self._queue.qsize()
 
+    @property
+    def error(self) -> Exception | None:
+        """Error of the disk or the codec, after which the episode cannot go on; None if it can."""
+        return self._error or self.target.disk_error
+
     def add(self, picture: Picture) -> None:
         """Hand over a picture, which must not change afterwards; blocks while the queue is full.
 
         Raises:
-            OSError, av.FFmpegError: the disk or the codec refused this picture or one before it.
+            OSError, av.FFmpegError: the disk or the codec refused a picture before it.
         """
-        if self._error is not None:
-            raise self._error
+        if self.error is not None:
+            raise self.error
         self._queue.put(picture)
 
     def finish(self) -> Statistics:
-        """Encode the waiting pictures, close the target and return the statistics. Raises ``ERRORS``."""
+        """Encode the waiting pictures, close the target and return the statistics. Raises ``ERRORS``.
+
+        After an error of the disk, call it again when the cause is removed: nothing that was handed over is
+        lost.
+        """
         self._end()
         if self._error is not None:
             raise self._error
+        self.target.close()
         return self._statistics.result()
 
     def drop(self) -> None:
@@ -225,7 +288,7 @@ class Encoder:
     def _run(self) -> None:
         while (picture := self._queue.get()) is not None:
             if self._error is not None:
-                continue  # the writer gets the error with its next picture
+                continue  # the codec takes no more; the writer gets the error with its next picture
             began = time.thread_time()
             try:
                 self.target.add(picture)
@@ -235,7 +298,8 @@ class Encoder:
                 self._error = error
             self._count += 1
             self.busy_s += time.thread_time() - began
-        try:
-            self.target.close()
-        except ERRORS as error:
-            self._error = self._error or error
+        with contextlib.suppress(OSError):  # content of the disk waits for ``finish``
+            try:
+                self.target.close()
+            except av.FFmpegError as error:
+                self._error = self._error or error

@@ -23,6 +23,7 @@ from joshua_dataset import statistics
 from joshua_dataset.decoding import DatasetError as DatasetError
 from joshua_dataset.decoding import Pictures, pictures_of_video
 from joshua_dataset.decoding import picture_of as picture_of
+from joshua_dataset.lock import PRIVATE
 from joshua_dataset.metadata import INDEX_COLUMNS, INFO, MESSAGES, OURS, STATS, TASKS, array_of, is_list
 from joshua_dataset.statistics import Statistics
 
@@ -350,6 +351,11 @@ def _json(path: Path, folder: Path) -> Any:
             raise DatasetError(f"{path} is larger than {LARGEST_JSON >> 20} MB")
         return json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
+        if (folder / PRIVATE / "change").exists():
+            raise DatasetError(
+                f"{folder} has a change that was interrupted. "
+                f"Run `joshua dataset repair {folder}` to complete it"
+            ) from error
         raise DatasetError(f"{folder} is not a data set: it has no {path.relative_to(folder)}") from error
     except (OSError, ValueError, RecursionError) as error:
         raise DatasetError(f"{path} cannot be read: {error}") from error

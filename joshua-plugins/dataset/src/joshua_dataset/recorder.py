@@ -16,18 +16,14 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, wait
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from joshua.api import NodeContext, RefusedError, verb
 from joshua.api.nodes import ServiceFacts
-from joshua.features import (
-    ACTION,
-    EpisodeError,
-    FeatureError,
-    Frame,
-)
+from joshua.features import ACTION, EpisodeError, FeatureError, Frame
 from joshua.messages import MessageError
 from joshua.messages.arrays import acquired_ns, array_of
 
@@ -40,24 +36,24 @@ from joshua_dataset.mcap_writer import McapWriter
 from joshua_dataset.open_episode import read_journal
 from joshua_dataset.pictures import QUEUE_S
 from joshua_dataset.reader import DatasetError
-from joshua_dataset.repair import repair
+from joshua_dataset.repair import is_unfinished, repaired
 from joshua_dataset.sampler import COUNTERS, Sampler
 from joshua_dataset.session import Phase, Session, Step
 from joshua_dataset.settings import StoreSettings
 from joshua_dataset.streams import NS_PER_S, RecorderStatus, Stream, Task
-from joshua_dataset.writer import DatasetWriter
+from joshua_dataset.writer import DatasetWriter, NotKept
 
 #: How long an automatic start waits for topics before it reports so.
 PATIENCE_S = 10.0
 
-#: Spoken text at the start of a phase.
-CUES = {
-    Phase.WARM_UP: "get ready",
-    Phase.RECORDING: "recording episode {}",
-    Phase.REVIEW: "stopped",
-    Phase.RESET: "reset the scene",
-    Phase.DONE: "all episodes are recorded",
-}
+
+@dataclass(frozen=True)
+class _Unkept:
+    """An episode that could not be kept yet, with what it is kept with next time."""
+
+    error: EpisodeError
+    task: str
+    counts: dict[str, int]
 
 
 class Recorder:
@@ -80,12 +76,12 @@ class Recorder:
         self._described = Description(settings, facts, self._streams.values())
         self._actions = {"record": self._toggle, "keep": self.keep, "discard": self.discard}
         self._cues = Cues(context, spoken=settings.spoken_cues)
-        self._cued = Phase.IDLE
         self._sampler: Sampler | None = None
         self._writer: DatasetWriter | None = None
         self._work: queue.Queue[Callable[[], None] | None] = queue.Queue()
         self._lock = threading.RLock()
-        self._lost = False
+        self._has_failed = False
+        self._unkept: _Unkept | None = None
         self._phase_began_s = time.monotonic()
         self._counts = dict.fromkeys(COUNTERS, 0)
         self._frames_waiting = 0
@@ -109,11 +105,12 @@ class Recorder:
         if not self._settings.folder:
             raise EpisodeError("a recording needs a folder: set local_path")
         if self._facts.restarted:
-            journal = read_journal(Path(self._settings.folder))
-            if journal is not None:
-                done = repair(Path(self._settings.folder))
-                context.log.warning(done)
-                self._session.take_up(int(journal.get("kept", 0)) + ("is completed" in done))
+            folder = Path(self._settings.folder)
+            if is_unfinished(folder):
+                journal = read_journal(folder) or {}
+                done = repaired(folder)
+                context.log.warning(done.text)
+                self._session.take_up(int(journal.get("kept", 0)) + done.has_kept)
             self._settings = self._settings.model_copy(update={"resume": True})
         self._made().check()
         if self._settings.buttons and not self._pads:
@@ -157,7 +154,7 @@ class Recorder:
         self._work.put(None)
         self._cues.close()
         if self._writer is not None:
-            self._writer.close()
+            self._writer.leave()
             self._writer = None
 
     @verb(moves=False, runs="beside")
@@ -339,7 +336,7 @@ class Recorder:
                 if before is Phase.RECORDING:
                     self._end_time()
             self._do(steps, log=True)
-            self._cue()
+            self._cues.follow(self._session.phase, self._number)
             if self._session.phase is Phase.RECORDING:
                 behind_s = self._behind_s
                 if behind_s > 2 * QUEUE_S:
@@ -350,14 +347,6 @@ class Recorder:
         settled = self._last is None or self._last.done()
         if settled and self._session.phase is Phase.DONE and self._settings.num_episodes:
             self._context.end_run(f"{self._session.kept} episodes are in {self._settings.folder}")
-
-    def _cue(self) -> None:
-        self._cues.tick()
-        phase = self._session.phase
-        if phase is not self._cued:
-            self._cued = phase
-            text = CUES.get(phase, "")
-            self._cues.say(text.format(self._number) if text else "")
 
     def _flush(self, now_ns: int) -> None:
         sampler = self._sampler
@@ -421,28 +410,55 @@ class Recorder:
             assert writer is not None
             try:
                 if step is Step.BEGIN:
-                    writer.task, self._lost = task, False
+                    if self._unkept is not None:
+                        raise self._unkept.error
+                    writer.task, self._has_failed = task, False
                     writer.kept = kept
                     self._busy = (time.monotonic(), 0.0)
                 elif step is Step.KEEP:
                     if writer.open_frames:
-                        number, frames, length_s = writer.episodes, writer.open_frames, writer.open_s
-                        writer.end_episode(task, counts)
-                        text = _kept(number, frames, length_s, counts, "messages" if self._raw else "frames")
-                        self._message = text
+                        self._message = self._keep(writer, task, counts)
                         self.on_kept()  # before the answer, which ends the run
-                        answer.set_result(text)
+                        answer.set_result(self._message)
                         return
                     self._say(f"episode {writer.episodes} has no frame and is not kept")
                     self._not_kept()
                 elif step is Step.DISCARD:
+                    self._unkept = None
                     writer.drop_episode()
                 answer.set_result("")
             except EpisodeError as error:
-                self._lose(error, was_kept=step is Step.KEEP)
                 answer.set_exception(error)
 
         return carry_out
+
+    def _keep(self, writer: DatasetWriter, task: str, counts: dict[str, int]) -> str:
+        """Keep the open episode, perhaps once more (on the writer's thread). Raises EpisodeError."""
+        if self._unkept is not None:
+            task, counts = self._unkept.task, self._unkept.counts
+        number, before, length_s = writer.episodes, writer.frames, writer.open_s
+        try:
+            writer.end_episode(task, counts)
+        except EpisodeError as error:
+            with self._lock:
+                self._session.not_kept()
+                self._sampler, self._has_failed = None, True
+                is_over = self._session.is_over
+            if isinstance(error, NotKept) and not is_over:
+                error = EpisodeError(error.text("run `joshua record keep`"))
+            self._unkept = _Unkept(error, task, counts)
+            self._message = str(error)
+            self._context.log.error("%s", error)
+            raise error from None
+        self._unkept = None
+        if writer.aside is not None:
+            self._context.log.warning(
+                "the rest of episode %d is damaged; its files were moved to %s", number, writer.aside
+            )
+        frames = writer.frames - before
+        if not self._raw:
+            length_s = frames / self._settings.fps
+        return _kept(number, frames, length_s, counts, "messages" if self._raw else "frames")
 
     def _not_kept(self) -> None:
         """Continue the session if this episode would have completed it (on the writer's thread)."""
@@ -454,7 +470,7 @@ class Recorder:
         """Convert and write a frame (on the writer's thread)."""
         self._frames_waiting -= 1
         writer = self._writer
-        if writer is None or self._lost:
+        if writer is None or self._has_failed:
             return
         try:
             writer.add_frame(self._described.converted(frame))
@@ -462,27 +478,29 @@ class Recorder:
             self._counts["dropped"] += 1
             self._say(f"a frame is dropped: {error}")
         except EpisodeError as error:
-            self._lose(error)
+            self._fail(error)
 
     def _add_message(self, topic: str, message: Any, received_ns: int, stamp_ns: int) -> None:
         """Write a message (on the writer's thread)."""
         self._queued_s.popleft()
-        if self._lost or not isinstance(self._writer, McapWriter):
+        if self._has_failed or not isinstance(self._writer, McapWriter):
             return
         try:
             self._writer.add_message(topic, message, received_ns, stamp_ns)
         except EpisodeError as error:
-            self._lose(error)
+            self._fail(error)
 
-    def _lose(self, error: EpisodeError, *, was_kept: bool = False) -> None:
-        """Discard an episode that cannot be written; the robot continues."""
+    def _fail(self, error: EpisodeError) -> None:
+        """End an episode that cannot be written; what is on the disk of it stays, and the robot continues."""
         with self._lock:
-            self._session.lost(was_kept=was_kept)
-            self._sampler, self._lost = None, True
-        if self._writer is not None:
-            self._writer.drop_episode()
-        self._context.log.error("the episode is lost, %d are kept: %s", self._number, error)
-        self._message = str(error)
+            self._sampler, self._has_failed = None, True
+            if self._session.phase is Phase.RECORDING:
+                self._session.stop(time.monotonic())
+        self._message = f"episode {self._number} ended early: {error}"
+        self._context.log.error("%s", self._message)
+        self._context.log.info(
+            "its frames so far are on the disk: keep them with `joshua record keep`, or discard them"
+        )
 
     def _write(self) -> None:
         """Run queued steps until the node has stopped (on its own thread)."""

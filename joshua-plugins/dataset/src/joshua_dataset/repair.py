@@ -1,62 +1,158 @@
-"""Complete or discard the episode that a killed writer left unfinished."""
+"""Complete what a kill, a power cut or a full disk has left unfinished in a data set.
+
+A repair removes nothing that was recorded: what is whole becomes an episode, and what cannot be mended is
+moved aside. Only ``cut`` discards the unfinished episode.
+"""
 
 from __future__ import annotations
 
-import contextlib
-import shutil
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import av
 from joshua.features import DatasetLayout, EpisodeError, FeatureSet
 
-from joshua_dataset import open_episode
+from joshua_dataset import changes, open_episode
+from joshua_dataset.files import Files, aside_folder, cause, remedy_first
 from joshua_dataset.formats import writer_of
+from joshua_dataset.lock import WriterLock
 from joshua_dataset.mcap_writer import McapWriter
-from joshua_dataset.metadata import INFO, OURS, pictures_of, place
-from joshua_dataset.open_episode import columns_of, pictures_path
-from joshua_dataset.pictures import ERRORS, PICTURE_STRIDE
-from joshua_dataset.reader import Dataset, DatasetError, picture_of
-from joshua_dataset.statistics import PictureStatistics, Statistics
+from joshua_dataset.metadata import INFO, OURS
+from joshua_dataset.reader import Dataset, DatasetError
 from joshua_dataset.writer import DatasetWriter
 
 
-def repair(folder: Path, *, cut: bool = False) -> str:
-    """Repair a data set after a kill or a power cut. Idempotent.
+@dataclass(frozen=True)
+class Repaired:
+    """What a repair did.
+
+    Attributes:
+        text: in words; has_kept: an unfinished episode is part of the data set.
+    """
+
+    text: str
+    has_kept: bool = False
+
+    def __str__(self) -> str:
+        return self.text
+
+
+class _NotValid(Exception):
+    """The journal of the unfinished episode does not say what it contains."""
+
+
+def is_unfinished(folder: Path) -> bool:
+    """Return whether a data set needs a repair. Raises EpisodeError if that cannot be read."""
+    return changes.is_interrupted(folder) or open_episode.read_journal(folder) is not None
+
+
+def repair(folder: Path, *, cut: bool = False, files: Files | None = None) -> str:
+    """Repair a data set, see ``repaired``; return what was done, in words."""
+    return repaired(folder, cut=cut, files=files).text
+
+
+def repaired(folder: Path, *, cut: bool = False, files: Files | None = None) -> Repaired:
+    """Repair a data set after a kill, a power cut or a full disk. Idempotent.
 
     Args:
         folder: of the data set; cut: discard the unfinished episode instead of completing it.
-
-    Returns:
-        What was done, in one sentence.
+        files: file operations.
 
     Raises:
-        EpisodeError: the folder is being written, is not a data set, or cannot be written.
+        EpisodeError: the folder is being written, is not a data set, or cannot be written; nothing that was
+            recorded is removed.
     """
-    if not (folder / INFO).exists() and open_episode.read_journal(folder) is None:
+    files = files or Files()
+    if not (folder / INFO).exists() and not is_unfinished(folder):
         raise EpisodeError(f"{folder} is not a data set: it has no {INFO}")
-    journal = open_episode.read_journal(folder)
-    layout, writer_type = _layout(folder, journal)
-    writer = writer_type(layout)
+    lock = WriterLock(folder)
     try:
-        writer.take_up()
-        for path in [*folder.glob("data/**/*.new"), *folder.glob("meta/**/*.new")]:
-            path.unlink()
-        return _repair(writer, journal, cut=cut)
+        lock.take()
+        has_journal = open_episode.read_journal(folder) is not None
+        has_recovered = changes.recover(folder, files)
+        found = _finished(folder, lock, cut, files)
     except OSError as error:
-        raise EpisodeError(f"{folder} cannot be repaired: {error.strerror or error}") from error
+        what = (
+            f"The unfinished episode stays in {open_episode.open_folder(folder)}. "
+            if open_episode.open_folder(folder).exists()
+            else ""
+        )
+        raise EpisodeError(
+            f"{folder} cannot be repaired: {cause(error)}. {what}"
+            f"{remedy_first(error, f'run `joshua dataset repair {folder}` again')}"
+        ) from error
     finally:
-        writer.close()
+        lock.release()
+    if not has_recovered:
+        return found
+    has_kept = found.has_kept or (has_journal and open_episode.read_journal(folder) is None)
+    return Repaired(f"an interrupted change is completed; {found.text}", has_kept)
+
+
+def _finished(folder: Path, lock: WriterLock, cut: bool, files: Files) -> Repaired:
+    """Complete or discard the unfinished episode of a data set whose lock is held."""
+    journal = open_episode.read_journal(folder)
+    try:
+        layout, writer_type = _layout(folder, journal)
+    except _NotValid as error:
+        if not cut:
+            return _moved_aside(folder, journal, f"it has no valid journal ({error})", files)
+        layout, writer_type = _layout(folder, None)
+    writer = writer_type(layout, files)
+    writer.take_up(lock)
+    if journal is None:
+        return Repaired(f"{folder} is complete: {writer.episodes} episodes")
+    number = journal.get("episode_index", -1)
+    if 0 <= number < writer.episodes:
+        open_episode.remove(folder)
+        return Repaired(f"episode {number} was complete; its leftovers are removed")
+    if cut:
+        open_episode.remove(folder)
+        return Repaired(
+            f"the unfinished episode {max(number, 0)} is discarded; {writer.episodes} episodes are complete"
+        )
+    if not journal:
+        return _moved_aside(folder, journal, "it has no valid journal", files)
+    task = str(journal.get("task", ""))
+    if isinstance(writer, McapWriter):
+        length_s = writer.complete(task, {})
+        text = f"episode {number} is completed ({length_s:.1f} s)"
+        nothing = "no message of it is whole"
+    else:
+        length = writer.keep_whole(task, {})
+        length_s = length / layout.fps
+        text = f"episode {number} is completed with {length} frames ({length_s:.1f} s)"
+        nothing = "no frame of it has all its parts"
+    if not length_s:
+        return _moved_aside(folder, journal, nothing, files)
+    if writer.aside is not None:
+        text += f". The rest of it is damaged, and its files were moved to {writer.aside}"
+    return Repaired(text, has_kept=True)
+
+
+def _moved_aside(folder: Path, journal: dict[str, Any] | None, why: str, files: Files) -> Repaired:
+    """Move the unfinished episode to where nothing is removed. Raises OSError."""
+    number = (journal or {}).get("episode_index", -1)
+    place = open_episode.open_folder(folder)
+    aside = files.move_aside(place, aside_folder(folder), open_episode.aside_name(number))
+    label = f"episode {number}" if number >= 0 else "episode"
+    return Repaired(f"the unfinished {label} cannot be completed: {why}. Its files were moved to {aside}")
 
 
 def _layout(folder: Path, journal: dict[str, Any] | None) -> tuple[DatasetLayout, type[DatasetWriter]]:
-    """Return what the journal says about the data set; without one, nothing of it is needed."""
+    """Return what the journal says about the data set; without one, nothing of it is needed.
+
+    Raises:
+        _NotValid: the journal does not describe a data set.
+    """
     info = (journal or {}).get("info")
     if not isinstance(info, dict):
         kind = "lerobot"
-        if journal is None:
-            with contextlib.suppress(DatasetError):  # the writer says what is wrong
+        if (folder / INFO).exists():
+            try:
                 kind = Dataset.read(folder).format
+            except DatasetError as error:
+                raise EpisodeError(str(error)) from error
         return DatasetLayout(folder, "", 1, FeatureSet()), writer_of(kind)
     try:
         ours = info[OURS]
@@ -72,97 +168,4 @@ def _layout(folder: Path, journal: dict[str, Any] | None) -> tuple[DatasetLayout
         )
         return layout, writer_of(ours["format"])
     except (KeyError, TypeError, ValueError) as error:
-        raise EpisodeError(
-            f"{open_episode.open_folder(folder)} has a journal that is not valid ({error}). "
-            f"Run `joshua dataset repair --cut {folder}` to discard that episode"
-        ) from error
-
-
-def _repair(writer: DatasetWriter, journal: dict[str, Any] | None, *, cut: bool) -> str:
-    layout = writer.layout
-    folder = layout.folder
-    if journal is None:
-        return f"{folder} is complete: {writer.episodes} episodes"
-    number = journal.get("episode_index", -1)
-    if number < writer.episodes and number >= 0:
-        open_episode.remove(folder)
-        return f"episode {number} was complete; its leftovers are removed"
-    if isinstance(writer, McapWriter) and not cut:
-        length_s = writer.complete(journal)
-        if not length_s:
-            return f"no message of the unfinished episode {number} is on the disk; it is discarded"
-        return f"episode {number} is completed ({length_s:.1f} s)"
-    rows = open_episode.rows_of(folder)
-    if cut or number < 0 or rows is None:
-        _remove_placed(layout, number)
-        open_episode.remove(folder)
-        return (
-            f"the unfinished episode {max(number, 0)} is discarded; {writer.episodes} episodes are complete"
-        )
-    pictures: dict[str, Statistics] = {}
-    length = len(rows)
-    for feature in layout.features.pictures:
-        count, pictures[feature.key] = _pictures(layout, feature.key, number)
-        length = min(length, count)
-    if not length:
-        open_episode.remove(folder)
-        return f"no frame of the unfinished episode {number} has all its parts; it is discarded"
-    columns = {name: values[:length] for name, values in columns_of(rows).items()}
-    writer.keep(columns, pictures, str(journal.get("task", "")), {})
-    return f"episode {number} is completed with {length} frames ({length / layout.fps:.1f} s)"
-
-
-def _remove_placed(layout: DatasetLayout, number: int) -> None:
-    """Remove files that an interrupted commit has put in place; no reader counts them."""
-    for feature in layout.features.pictures:
-        path = layout.folder / pictures_of(layout, feature.key).format(**place(max(number, 0)))
-        if path.is_dir():
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
-
-
-def _pictures(layout: DatasetLayout, key: str, number: int) -> tuple[int, Statistics]:
-    """Complete the pictures of the unfinished episode; return their number and statistics."""
-    path = pictures_path(layout, key)
-    placed = layout.folder / pictures_of(layout, key).format(**place(number))
-    if not path.exists() and placed.exists():
-        placed.replace(path)
-    found, count = PictureStatistics(), 0
-    height, width, _ = layout.features[key].shape
-    try:
-        if path.is_dir():
-            for file in sorted(path.iterdir()):
-                try:
-                    picture = picture_of(file.read_bytes(), file, height, width)
-                except (DatasetError, *ERRORS):
-                    file.unlink()  # the last one, truncated
-                    continue
-                if count % PICTURE_STRIDE == 0:
-                    found.add(picture)
-                count += 1
-        elif path.exists():
-            count = _remuxed(path, found)
-    except ERRORS:
-        count = 0
-    return count, found.result() if count else {}
-
-
-def _remuxed(path: Path, found: PictureStatistics) -> int:
-    """Copy a truncated video into an ordinary one, and count its pictures. Raises ``ERRORS``."""
-    whole = path.with_suffix(".whole")
-    count = 0
-    with av.open(str(path)) as source, av.open(str(whole), "w", format="mp4") as target:
-        stream = target.add_stream_from_template(source.streams.video[0])
-        for packet in source.demux(video=0):
-            if packet.dts is not None:
-                packet.stream = stream
-                target.mux(packet)
-    found_picture: Any
-    with av.open(str(whole)) as source:
-        for found_picture in source.decode(video=0):
-            if count % PICTURE_STRIDE == 0:
-                found.add(found_picture.to_ndarray(format="rgb24"))
-            count += 1
-    whole.replace(path)
-    return count
+        raise _NotValid(str(error)) from error

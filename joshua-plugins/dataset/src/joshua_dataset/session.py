@@ -141,10 +141,10 @@ class Session:
         if self.settings.num_episodes and kept >= self.settings.num_episodes:
             self.phase = Phase.DONE
 
-    def lost(self, *, was_kept: bool = False) -> None:
-        """Note that an episode cannot be written: the open one, or one that was to be kept."""
-        self.kept -= was_kept
-        self.phase, self.until_s = Phase.DONE if self.is_over else Phase.IDLE, 0.0
+    def not_kept(self) -> None:
+        """Note that an episode that was to be kept is not part of the data set yet: keep it again, or not."""
+        self.kept -= 1
+        self.phase, self.until_s = Phase.DONE if self.is_over else Phase.REVIEW, 0.0
 
     def miss(self) -> bool:
         """Discount a kept episode that is empty; return whether another one must replace it."""

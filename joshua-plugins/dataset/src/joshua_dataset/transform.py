@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -17,16 +18,18 @@ from joshua_jobs.processes import in_order
 
 from joshua_dataset import statistics
 from joshua_dataset.bag import FILE, messages
+from joshua_dataset.changes import Watch, changing, is_interrupted
+from joshua_dataset.files import reason
 from joshua_dataset.formats import writer_of
 from joshua_dataset.from_messages import MessageFrames
 from joshua_dataset.lock import PRIVATE
 from joshua_dataset.mcap_writer import McapWriter
-from joshua_dataset.metadata import INDEX_COLUMNS, MESSAGES, STAMP
+from joshua_dataset.metadata import INDEX_COLUMNS, MESSAGES, STAMP, STATS
 from joshua_dataset.open_episode import SUFFIXES, open_folder
 from joshua_dataset.pictures import ERRORS, PICTURE_STRIDE, Encoder, PictureFiles, Video
 from joshua_dataset.reader import Dataset, DatasetError, Episode
 from joshua_dataset.statistics import PictureStatistics, Statistics
-from joshua_dataset.writer import DatasetWriter
+from joshua_dataset.writer import DatasetWriter, NotKept
 
 NS_PER_S = 1_000_000_000
 
@@ -45,12 +48,17 @@ class Source:
 
 @dataclass(frozen=True)
 class _Job:
-    """One episode to be written into another data set."""
+    """One episode to be written into another data set.
+
+    Attributes:
+        is_linked: as of ``_fill``.
+    """
 
     folder: Path
     episode: Episode
     layout: DatasetLayout
     scratch: Path
+    is_linked: bool
 
 
 @dataclass(frozen=True)
@@ -88,26 +96,53 @@ def build(
     """
     found = [Dataset.read(source.folder) for source in sources]
     layout = _layout(found, target, table_format, codec, pictures)
+    writer_of(table_format)(layout).check()
+    with changing(target) as change:
+        count = _fill(sources, found, replace(layout, folder=change.made), table_format, workers, progress)
+        change.put_made()
+        change.commit()
+    return count
+
+
+def _fill(
+    sources: Sequence[Source],
+    found: Sequence[Dataset],
+    layout: DatasetLayout,
+    table_format: str,
+    workers: Executor | int | None,
+    progress: Callable[[int, int], None],
+    *,
+    is_linked: bool = False,
+) -> int:
+    """Write episodes into a new data set; return their number.
+
+    Args:
+        is_linked: pictures that stay as they are become links to the same files.
+
+    Raises:
+        OSError: the disk refuses it. EpisodeError, DatasetError: as ``build``.
+    """
     writer = writer_of(table_format)(layout)
     writer.open()
+    watch = Watch()
     try:
         made_of = [dataset.pictures == MESSAGES for dataset in found]
         if any(made_of):
             return _from_messages(sources, found, made_of, writer, progress)
         total = sum(_count(source, dataset) for source, dataset in zip(sources, found, strict=True))
-        jobs = _jobs(sources, found, layout)
+        jobs = _jobs(sources, found, layout, watch, is_linked=is_linked)
         for done, prepared in enumerate(in_order(_prepare, jobs, workers), 1):
-            shutil.rmtree(open_folder(target), ignore_errors=True)
-            prepared.scratch.replace(open_folder(target))
+            prepared.scratch.replace(open_folder(layout.folder))
             writer.keep(prepared.columns, prepared.pictures, prepared.task, prepared.counts)
             progress(done, total)
         if not writer.episodes:
             raise EpisodeError("no episode was chosen: the new data set would be empty")
+        watch.check()
         return writer.episodes
-    except OSError as error:
-        raise EpisodeError(f"{target} cannot be written: {error.strerror or error}") from error
+    except NotKept as error:
+        raise error.error from error
     finally:
-        shutil.rmtree(target / PRIVATE / "jobs", ignore_errors=True)
+        shutil.rmtree(layout.folder / PRIVATE / "jobs", ignore_errors=True)
         writer.close()
 
 
@@ -139,21 +174,38 @@ def _from_messages(
 def delete(folder: Path, episodes: Sequence[int], *, workers: Executor | int | None = None) -> int:
     """Remove episodes from a data set; return how many are left. It is replaced as a whole, at the end.
 
+    Files of others in the folder stay. Pictures take no space twice.
+
     Raises:
-        EpisodeError, DatasetError: as ``build``; the data set stays unchanged.
+        EpisodeError, DatasetError: as ``build``, or another process writes the data set; it stays unchanged.
     """
-    there = Dataset.read(folder)
-    _check(folder, there, episodes)
-    kept = tuple(number for number in range(there.episodes) if number not in set(episodes))
-    fresh, old = (folder.with_name(f"{folder.name}.{ending}") for ending in ("new", "old"))
-    if there.pictures == MESSAGES:
-        count = _copied_messages(there, kept, fresh)
-    else:
-        count = build([Source(folder, kept)], fresh, table_format=there.format, workers=workers)
-    folder.rename(old)
-    fresh.rename(folder)
-    shutil.rmtree(old)
+    if not is_interrupted(folder):
+        Dataset.read(folder)
+    with changing(folder) as change:
+        there = Dataset.read(folder)
+        _check(folder, there, episodes)
+        kept = tuple(number for number in range(there.episodes) if number not in set(episodes))
+        if there.pictures == MESSAGES:
+            count = _copied_messages(there, kept, change.made)
+        else:
+            layout = _layout([there], change.made, there.format, "", "")
+            source = Source(folder, kept)
+            count = _fill(
+                [source], [there], layout, there.format, workers, lambda done, total: None, is_linked=True
+            )
+        change.retire_all()
+        change.put_made()
+        change.commit()
+    _remove_empty_folders(folder)
     return count
+
+
+def _remove_empty_folders(folder: Path) -> None:
+    """Remove what deleted episodes leave of the folders of a data set."""
+    for top in ("data", "meta", "videos", "images"):
+        for path in sorted((folder / top).rglob("chunk-*"), reverse=True):
+            with contextlib.suppress(OSError):  # it is not empty
+                path.rmdir()
 
 
 def _copied_messages(dataset: Dataset, kept: Sequence[int], target: Path) -> int:
@@ -212,13 +264,22 @@ def _count(source: Source, dataset: Dataset) -> int:
     return len(set(source.episodes))
 
 
-def _jobs(sources: Sequence[Source], found: Sequence[Dataset], layout: DatasetLayout) -> Iterator[_Job]:
+def _jobs(
+    sources: Sequence[Source],
+    found: Sequence[Dataset],
+    layout: DatasetLayout,
+    watch: Watch,
+    *,
+    is_linked: bool,
+) -> Iterator[_Job]:
     number = 0
     for source, dataset in zip(sources, found, strict=True):
         wanted = None if source.episodes is None else set(source.episodes)
         for episode in dataset.episode_list(wanted):
             scratch = layout.folder / PRIVATE / "jobs" / f"{number:06d}"
-            yield _Job(source.folder, episode, layout, scratch)
+            with contextlib.suppress(FileNotFoundError):  # the job says so
+                watch.add(episode.table)
+            yield _Job(source.folder, episode, layout, scratch, is_linked)
             number += 1
 
 
@@ -255,10 +316,11 @@ def _pictures(job: _Job, dataset: Dataset, key: str) -> Statistics:
     known = {name: values for name, values in episode.statistics.get(key, {}).items() if values is not None}
     own_file = dataset.format != "lerobot" or "joshua" in dataset.info
     if own_file and layout.pictures == dataset.pictures and layout.codec == dataset.codec and known:
+        copy = _linked if job.is_linked else shutil.copyfile
         if where.path.is_dir():
-            shutil.copytree(where.path, path)
+            shutil.copytree(where.path, path, copy_function=copy)
         else:
-            shutil.copyfile(where.path, path)
+            copy(where.path, path)
         try:
             return statistics.from_json(known)
         except (TypeError, ValueError) as error:
@@ -280,12 +342,35 @@ def _pictures(job: _Job, dataset: Dataset, key: str) -> Statistics:
         found = encoder.finish() if count else {}
     except (DatasetError, *ERRORS) as error:
         encoder.drop()
-        raise EpisodeError(f"episode {episode.index} of {job.folder}: {key}: {error}") from error
+        raise EpisodeError(f"episode {episode.index} of {job.folder}: {key}: {reason(error)}") from error
     if count != episode.length:
         raise EpisodeError(
             f"episode {episode.index} of {job.folder}: {key} has {count} pictures, "
             f"and {episode.length} are described"
         )
+    return found
+
+
+def _linked(source: str | Path, target: str | Path) -> None:
+    """Give a file a second name, or copy it where the disk has no links."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)
+
+
+def recompute(folder: Path, *, workers: Executor | int | None = None) -> dict[str, Statistics]:
+    """Replace the statistics of a data set by those of its data; return them.
+
+    Raises:
+        EpisodeError, DatasetError: as ``delete``; the data set stays unchanged.
+    """
+    there = Dataset.read(folder).statistics()
+    with changing(folder) as change:
+        found = recomputed(folder, workers=workers)
+        values = {key: statistics.as_json(value) for key, value in (there | found).items()}
+        change.json(folder / STATS, values)
+        change.commit()
     return found
 
 

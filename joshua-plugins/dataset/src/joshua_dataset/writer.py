@@ -4,6 +4,9 @@ Each episode has files of its own: a table, a video for each camera, a row of me
 complete when ``meta/info.json`` counts it, which is replaced last, after all else is safe on the disk. So a
 discarded episode leaves nothing behind, a data set is complete at any time, and an episode costs the same
 however many precede it.
+
+An episode that cannot be written, or not be kept, stays on the disk as far as it is there. It can be kept
+later, by this writer or by a repair.
 """
 
 from __future__ import annotations
@@ -11,10 +14,13 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 import pyarrow as pa
+from joshua.api.files import is_system_error
 from joshua.features import (
     DatasetLayout,
     EpisodeError,
@@ -25,16 +31,47 @@ from joshua.features import (
     checked,
 )
 
-from joshua_dataset import metadata, open_episode, statistics
-from joshua_dataset.files import Files, Staging, reason
+from joshua_dataset import changes, metadata, open_episode, statistics
+from joshua_dataset.changes import Change
+from joshua_dataset.files import Files, cause, reason, remedy_first
 from joshua_dataset.lock import PRIVATE, WriterLock
 from joshua_dataset.metadata import INDEX_COLUMNS, INFO, STAMP, STATS, TASKS, check_layout
 from joshua_dataset.open_episode import OpenEpisode
 from joshua_dataset.pictures import ERRORS, Encoder
 from joshua_dataset.reader import Dataset, DatasetError
+from joshua_dataset.salvage import Salvaged, salvage
 from joshua_dataset.statistics import Statistics
 
 _ANOTHER = "Name another local_path"
+
+
+class NotKept(EpisodeError):
+    """An episode is on the disk as far as it was written, and is not part of the data set yet.
+
+    Args:
+        folder: of the data set; error: why.
+
+    Attributes:
+        error: why.
+    """
+
+    def __init__(self, folder: Path, error: Exception) -> None:
+        super().__init__(folder, error)
+        self._folder, self.error = folder, error
+
+    def __str__(self) -> str:
+        return self.text(f"run `joshua dataset repair {self._folder}`")
+
+    def text(self, then: str) -> str:
+        """Return the message.
+
+        Args:
+            then: what to do when the cause is removed.
+        """
+        return (
+            f"{self._folder}: the episode cannot be kept: {cause(self.error)}. Nothing of it was removed: "
+            f"it is in {open_episode.open_folder(self._folder)}. {remedy_first(self.error, then)}"
+        )
 
 
 class DatasetWriter(EpisodeWriter):
@@ -48,6 +85,7 @@ class DatasetWriter(EpisodeWriter):
         frames: of all episodes that have ended.
         task: given by a repair to an episode that was never ended.
         kept: episodes of the session before the open one.
+        aside: place of what could not be mended of the last episode; None if all of it was.
     """
 
     format: ClassVar[str]
@@ -63,9 +101,12 @@ class DatasetWriter(EpisodeWriter):
         self._statistics: dict[str, Statistics] = {}
         self._tasks: list[str] = []
         self._open: OpenEpisode | None = None
+        self._finished: tuple[Mapping[str, Any], Mapping[str, Statistics]] | None = None
+        self._decided: Decided | None = None
         self.frames = 0
         self.task = ""
         self.kept = 0
+        self.aside: Path | None = None
 
     @property
     def open_frames(self) -> int:
@@ -102,6 +143,8 @@ class DatasetWriter(EpisodeWriter):
                 raise EpisodeError(f"{folder} cannot be written: {there} is {what}. {_ANOTHER}")
             found = self._found()
             self._lock.require_free()
+            if changes.is_interrupted(folder):
+                raise interrupted(folder)
             self._require_finished()
             if found:
                 self._readable()
@@ -113,12 +156,13 @@ class DatasetWriter(EpisodeWriter):
         check_layout(self.layout, self.format)
         folder = self.layout.folder
         try:
-            found = self._found()
+            self._found()
             self._files.make_folder(folder)
             self._lock.take()
             try:
+                changes.recover(folder, self._files)
                 self._require_finished()
-                if found:
+                if self._found():
                     self._take_up(self._readable())
             except BaseException:
                 self._lock.release()
@@ -135,7 +179,13 @@ class DatasetWriter(EpisodeWriter):
         try:
             values = {key: checked(feature, frame[key]) for key, feature in features.items()}
             if self._open is None:
-                self._open = OpenEpisode(self.layout, self._row_schema, self.episodes, self._journal())
+                self._open = OpenEpisode(
+                    self.layout, self._row_schema, self.episodes, self._journal(), self._files
+                )
+            if self._open.has_failed:
+                raise EpisodeError(
+                    f"{self.layout.folder} takes no frame: the episode has ended with an error"
+                )
             self._open.add(frame.stamp_ns, values)
         except FeatureError as error:
             raise EpisodeError(str(error)) from error
@@ -143,15 +193,44 @@ class DatasetWriter(EpisodeWriter):
             raise EpisodeError(f"{self.layout.folder} takes no frame: {reason(error)}") from error
 
     def end_episode(self, task: str, counts: Mapping[str, int] | None = None) -> None:
-        """See ``EpisodeWriter``."""
+        """See ``EpisodeWriter``; after an error, call it again when the cause is removed."""
         if self._open is None:
             raise EpisodeError(f"{self.layout.folder}: an episode without a frame cannot be kept")
+        if self._decided is not None:
+            self._complete_decided()
+        else:
+            self._finish_and_keep(self._open, task, counts or {})
+        self._open = self._finished = None
+
+    def _finish_and_keep(self, episode: OpenEpisode, task: str, counts: Mapping[str, int]) -> None:
+        """Complete the files of an episode and keep it; without its codecs, what is whole of it."""
         try:
-            columns, pictures = self._open.finish()
+            self._finished = self._finished or episode.finish()
+        except (*ERRORS, pa.ArrowException) as error:
+            if is_system_error(error):
+                raise self._not_kept(error) from error
+            if not self.keep_whole(task, counts):
+                folder = self.layout.folder
+                raise EpisodeError(
+                    f"{folder}: the episode cannot be kept: {error}. Discard it, or end the recording and "
+                    f"run `joshua dataset repair {folder}` to move its files aside"
+                ) from error
+            return
+        self.keep(*self._finished, task, counts)
+
+    def keep_whole(self, task: str, counts: Mapping[str, int]) -> int:
+        """Keep what is whole of the open episode on the disk; return the number of its frames, 0 for none.
+
+        Raises:
+            EpisodeError: the system does not let it be read or kept; everything stays where it is.
+        """
+        try:
+            found = salvage(self.layout, self._files)
         except (*ERRORS, pa.ArrowException) as error:
             raise self._not_kept(error) from error
-        self.keep(columns, pictures, task, counts or {})
-        self._open = None
+        if found.length:
+            self.keep(found.columns, found.pictures, task, counts, found)
+        return found.length
 
     def keep(
         self,
@@ -159,8 +238,48 @@ class DatasetWriter(EpisodeWriter):
         pictures: Mapping[str, Statistics],
         task: str,
         counts: Mapping[str, int],
+        found: Salvaged | None = None,
     ) -> None:
-        """Put the open episode, whose files are complete, into the data set. Raises EpisodeError."""
+        """Put the open episode, whose files are complete, into the data set.
+
+        Args:
+            found: where its pictures are, if not where they were recorded.
+
+        Raises:
+            EpisodeError: it stays the open episode, and another call may keep it.
+        """
+        if self._decided is None:
+            try:
+                self._decided = self._prepared(columns, pictures, task, counts, found)
+            except (*ERRORS, pa.ArrowException) as error:
+                raise self._not_kept(error) from error
+        self._complete_decided()
+
+    def _complete_decided(self) -> None:
+        """Make the moves of a prepared episode, and count it. Raises EpisodeError."""
+        assert self._decided is not None
+        try:
+            self._decided.change.commit()
+        except (*ERRORS, pa.ArrowException) as error:
+            if not self._decided.change.is_decided:
+                self._decided.change.discard()
+                self._decided = None
+            raise self._not_kept(error) from error
+        kept, self._decided = self._decided, None
+        self._statistics, self._tasks = kept.statistics, kept.tasks
+        self.episodes += 1
+        self.frames += kept.length
+        self.aside = kept.aside
+
+    def _prepared(
+        self,
+        columns: Mapping[str, Any],
+        pictures: Mapping[str, Statistics],
+        task: str,
+        counts: Mapping[str, int],
+        salvaged: Salvaged | None,
+    ) -> Decided:
+        """Write the files that the episode adds. Raises ``ERRORS`` and ArrowException."""
         length = len(columns[STAMP])
         tasks = self._tasks if task in self._tasks else [*self._tasks, task]
         whole = {
@@ -178,26 +297,52 @@ class DatasetWriter(EpisodeWriter):
             key: statistics.merged([self._statistics[key], part]) if key in self._statistics else part
             for key, part in found.items()
         }
-        staging = Staging(self._files)
+        change = Change(self.layout.folder, self._files)
         try:
-            self._stage(staging, whole, found, together, tasks, task, counts)
-            staging.commit()
-        except (*ERRORS, pa.ArrowException) as error:
-            staging.discard()
-            raise self._not_kept(error) from error
-        self._statistics, self._tasks = together, tasks
-        self.episodes += 1
-        self.frames += length
-        open_episode.remove(self.layout.folder)
+            change.begin()
+            sources = {} if salvaged is None else salvaged.sources
+            self._stage(change, whole, found, together, tasks, task, counts, sources)
+            aside = self._clear(change, salvaged is not None and salvaged.is_damaged)
+        except BaseException:
+            change.discard()
+            raise
+        return Decided(change, length, together, tasks, aside)
+
+    def _clear(self, change: Change, is_damaged: bool) -> Path | None:
+        """Take the rest of the open episode away with a change; return where a damaged one goes."""
+        place = open_episode.open_folder(self.layout.folder)
+        if is_damaged:
+            return change.move_aside(place, open_episode.aside_name(self.episodes))
+        change.drop(place)
+        return None
 
     def drop_episode(self) -> None:
-        """See ``EpisodeWriter``."""
+        """See ``EpisodeWriter``; an episode that only lacks its last moves is kept."""
+        if self._decided is not None:
+            with contextlib.suppress(EpisodeError):  # it stays the open episode
+                self._complete_decided()
+                self._open = self._finished = None
+            return
         if self._open is not None:
             self._open.drop()
-            self._open = None
+        self._open = self._finished = None
+
+    def leave(self) -> None:
+        """Close the data set, and leave an open episode on the disk for a repair. Idempotent."""
+        if self._open is not None:
+            with contextlib.suppress(*ERRORS, pa.ArrowException):  # what is on the disk stays there
+                self._open.finish()
+            self._open = self._finished = self._decided = None
+        self.close()
 
     def close(self) -> None:
-        """See ``EpisodeWriter``; a data set without an episode is removed."""
+        """See ``EpisodeWriter``. An episode that could not be written or kept stays on the disk.
+
+        A data set without an episode is removed.
+        """
+        if self._open is not None and (self._open.has_failed or self._finished is not None):
+            self.leave()
+            return
         super().close()
         self._lock.release()
         if not self.episodes:
@@ -210,7 +355,10 @@ class DatasetWriter(EpisodeWriter):
     def _found(self) -> bool:
         """Return whether there is a data set to append to. Raises OSError; EpisodeError if it is unfit."""
         folder = self.layout.folder
-        found = folder.exists() and any(path.name != PRIVATE for path in folder.iterdir())
+        # a change that was killed before it was decided leaves empty folders
+        found = folder.exists() and any(
+            _holds_file(path) for path in folder.iterdir() if path.name != PRIVATE
+        )
         if found and not self.layout.resume:
             raise EpisodeError(
                 f"{folder} is not empty, and data sets are never overwritten. "
@@ -243,9 +391,9 @@ class DatasetWriter(EpisodeWriter):
     def _unwritable(self, error: OSError) -> EpisodeError:
         return EpisodeError(f"{self.layout.folder} cannot be written: {error.strerror or error}. {_ANOTHER}")
 
-    def take_up(self) -> None:
-        """Lock a data set and continue it, whatever its features. Raises EpisodeError and OSError."""
-        self._lock.take()
+    def take_up(self, lock: WriterLock) -> None:
+        """Continue a data set whose lock is held, whatever its features. Raises EpisodeError."""
+        self._lock = lock
         if (self.layout.folder / INFO).exists():
             try:
                 self._take_up(Dataset.read(self.layout.folder))
@@ -288,34 +436,36 @@ class DatasetWriter(EpisodeWriter):
 
     def _stage(
         self,
-        staging: Staging,
+        change: Change,
         columns: Mapping[str, Any],
         found: Mapping[str, Statistics],
         together: Mapping[str, Statistics],
         tasks: list[str],
         task: str,
         counts: Mapping[str, int],
+        sources: Mapping[str, Path],
     ) -> None:
         folder, place = self.layout.folder, metadata.place(self.episodes)
         for feature in self.layout.features.pictures:
             template = metadata.pictures_of(self.layout, feature.key)
-            staging.move(
-                open_episode.pictures_path(self.layout, feature.key), folder / template.format(**place)
-            )
+            source = sources.get(feature.key, open_episode.pictures_path(self.layout, feature.key))
+            target = folder / template.format(**place)
+            change.clear(target)
+            change.put(source, target)
         path = folder / (metadata.DATA_PATH.format(**place) + metadata.SUFFIXES[self.format])
-        staging.table(path, self._table(columns))
+        change.table(path, self._table(columns))
         if self.format != "lerobot" and not self.episodes:
-            staging.json(folder / "schema.json", metadata.table_schema(self.layout, self.format))
+            change.json(folder / "schema.json", metadata.table_schema(self.layout, self.format))
         row = self._episode_row(len(columns[STAMP]), task, found, counts)
-        staging.table(folder / metadata.EPISODES_PATH.format(**place), pa.Table.from_pylist([row]))
+        change.table(folder / metadata.EPISODES_PATH.format(**place), pa.Table.from_pylist([row]))
         if tasks != self._tasks:
-            staging.table(folder / TASKS, metadata.tasks_table(tasks))
-        staging.json(folder / STATS, {key: statistics.as_json(value) for key, value in together.items()})
+            change.table(folder / TASKS, metadata.tasks_table(tasks))
+        change.json(folder / STATS, {key: statistics.as_json(value) for key, value in together.items()})
         frames = self.frames + len(columns[STAMP])
         info = metadata.info(
             self.layout, self.format, episodes=self.episodes + 1, frames=frames, tasks=len(tasks)
         )
-        staging.json(folder / INFO, info)  # last: it counts the episode
+        change.json(folder / INFO, info, last=True)  # it counts the episode
 
     def _table(self, columns: Mapping[str, Any]) -> pa.Table:
         if self.format == "csv":
@@ -347,16 +497,48 @@ class DatasetWriter(EpisodeWriter):
         row |= {f"counts/{name}": int(counts.get(name, 0)) for name in self.layout.counters}
         return row | {f"meta/episodes/{name}": value for name, value in place.items()}
 
-    def _not_kept(self, error: Exception) -> EpisodeError:
-        return EpisodeError(f"{self.layout.folder}: the episode cannot be kept: {reason(error)}")
+    def _not_kept(self, error: Exception) -> NotKept:
+        return NotKept(self.layout.folder, error)
 
     def _remove_empty_folders(self) -> None:
         folder = self.layout.folder
-        for inner in sorted(folder.rglob("*"), reverse=True):
-            with contextlib.suppress(OSError):  # files of others stay
-                inner.rmdir()
+        for name in ("data", "meta", "videos", "images", PRIVATE):
+            for inner in sorted((folder / name).rglob("*"), reverse=True):
+                with contextlib.suppress(OSError):  # files of others stay
+                    inner.rmdir()
+            with contextlib.suppress(OSError):
+                (folder / name).rmdir()
         with contextlib.suppress(OSError):
             folder.rmdir()
+
+
+@dataclass(frozen=True)
+class Decided:
+    """An episode whose files are ready to be moved into place, and the data set after that.
+
+    Attributes:
+        aside: place of what could not be mended of it; None if all is.
+    """
+
+    change: Change
+    length: int
+    statistics: dict[str, Statistics]
+    tasks: list[str]
+    aside: Path | None
+
+
+def _holds_file(path: Path) -> bool:
+    """Return whether a path is anything but a folder of empty folders. Raises OSError."""
+    if path.is_symlink() or not path.is_dir():
+        return True
+    return any(_holds_file(inner) for inner in path.iterdir())
+
+
+def interrupted(folder: Path) -> EpisodeError:
+    """Return the error of a data set with a change that is not complete."""
+    return EpisodeError(
+        f"{folder} has a change that was interrupted. Run `joshua dataset repair {folder}` to complete it"
+    )
 
 
 class LeRobotWriter(DatasetWriter):

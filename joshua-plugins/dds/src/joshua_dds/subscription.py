@@ -98,10 +98,15 @@ class DdsSubscription(Subscription):
                 publisher = self.entity.get_matched_publication_data(handle)
         except Exception:  # noqa: BLE001 - the message is delivered even if its sender is unknown
             _log.exception("DDS does not name the publisher of a message on %s", self.topic)
-            return b""
+            return _handle_id(handle)
         if publisher is None:
-            return b""  # it left before its last message was taken
+            return _handle_id(handle)  # it left before its last message was taken
         if len(self._gids) >= _KNOWN_PUBLISHERS:
             self._gids.clear()  # most of them have left
         self._gids[handle] = publisher.key.bytes
         return self._gids[handle]
+
+
+def _handle_id(handle: int) -> bytes:
+    """Return an id of a publisher whose GUID is unknown. No GUID begins with zeros."""
+    return handle.to_bytes(16, "big")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 
+from joshua.api import AwakeClock
 from joshua_servo.bus import ServoBus
 from joshua_servo.bus_tools import FoundMotor
 from joshua_servo.errors import NoReply
@@ -73,11 +74,12 @@ class Bus(ServoBus):
         """
         for servo_id in ids:
             self.ask(servo_id, request(servo_id, REBOOT), 0)
-        deadline_s = time.monotonic() + REBOOT_TIMEOUT_S
+        clock = AwakeClock()
+        deadline_s = clock.now_s() + REBOOT_TIMEOUT_S
         time.sleep(_REBOOT_PAUSE_S)
         for servo_id in ids:
             while not self.ping(servo_id):
-                if time.monotonic() > deadline_s:
+                if clock.now_s() > deadline_s:
                     raise NoReply(
                         f"{self.port}: id {servo_id} does not reply after a reboot. "
                         "Check its cable and the supply."

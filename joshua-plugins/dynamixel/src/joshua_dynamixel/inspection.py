@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from joshua_servo.errors import NoReply
 from joshua_servo.inspection import ServoSetup, check_setups, refuse_setup
 from joshua_servo.motor_check import check_motors
 from joshua_servo.register import Register
@@ -52,9 +51,8 @@ def read_setups(bus: Bus, ids: Sequence[int]) -> list[ServoSetup]:
     blocks = bus.read_setups(ids)
     missing = [servo_id for servo_id in ids if servo_id not in blocks]
     if missing:
-        raise NoReply(
-            f"{bus.port}: ids {', '.join(map(str, missing))} do not reply. Check their cables and the supply."
-        )
+        listed = ", ".join(map(str, missing))
+        raise bus.no_reply(f"ids {listed} do not reply", "Check their cables and the supply.")
     problems: list[str] = []
     setups = [_setup(servo_id, blocks[servo_id], problems) for servo_id in ids]
     refuse_setup(bus, problems)

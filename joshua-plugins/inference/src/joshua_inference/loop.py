@@ -15,6 +15,9 @@ from joshua.api.models import Execution
 from joshua_inference.figures import FigureKeeper, InferenceFigures
 from joshua_inference.strategies import STRATEGIES, Chunk, Output
 
+#: Distance beyond a limit from which an action of a model is reported. A trained model misses it by less.
+_REPORTED_BEYOND_RAD = 0.1
+
 #: Number of latencies whose longest is expected for the next chunk.
 _DELAYS = 10
 
@@ -28,6 +31,10 @@ class InferenceLoop:
     Args:
         execution: of the file; joints: commanded ones; period_s: of the timer.
         now_ns: the clock of the stamps.
+
+    Attributes:
+        outside: joints that the model has commanded far outside their limits, with the first such position
+            in rad.
     """
 
     def __init__(
@@ -35,6 +42,7 @@ class InferenceLoop:
     ) -> None:
         self._execution, self.joints, self._now_ns = execution, joints, now_ns
         self.took_s = 0.0  # the model's time for the last chunk
+        self.outside: dict[str, float] = {}
         self._period_ns = round(period_s * 1e9)
         self._strategy = STRATEGIES[execution.strategy](execution)
         self._output = Output(period_s, execution)
@@ -85,6 +93,7 @@ class InferenceLoop:
         took_ns, self._called_ns = time.monotonic_ns() - called_ns, 0
         self.took_s = took_ns / 1e9
         actions = checked(act, self.joints, type(model).__name__)
+        self.outside = {**outside(act, self.joints), **self.outside}
         with self._lock:
             if epoch != self._epoch:  # its chunk is not valid any more
                 return 0
@@ -230,3 +239,17 @@ def checked(actions: FloatArray, joints: JointSpace, name: str) -> FloatArray:
     if not np.isfinite(chunk).all():
         raise ModelError(f"{name}.act returned a value that is not finite: nothing is sent to the joints")
     return np.clip(chunk, joints.position_min_rad, joints.position_max_rad)
+
+
+def outside(actions: FloatArray, joints: JointSpace) -> dict[str, float]:
+    """Return the joints that checked actions command far outside their limits, with the furthest position."""
+    chunk = np.asarray(actions, np.float64)
+    beyond = np.maximum(joints.position_min_rad - chunk, chunk - joints.position_max_rad)
+    if beyond.max() <= _REPORTED_BEYOND_RAD:
+        return {}
+    furthest = beyond.argmax(axis=0)
+    return {
+        name: float(chunk[furthest[index], index])
+        for index, name in enumerate(joints.names)
+        if beyond[furthest[index], index] > _REPORTED_BEYOND_RAD
+    }

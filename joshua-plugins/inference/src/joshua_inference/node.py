@@ -124,6 +124,7 @@ class InferenceNode(NodeBehaviour):
         self._waits_for = ""
         self._ticks = 0
         self._said: deque[str] = deque(maxlen=16)
+        self._reported_outside: set[str] = set()
         self._reports: Any = None
         self._took_s: deque[float] = deque(maxlen=10_000)
 
@@ -370,6 +371,7 @@ class InferenceNode(NodeBehaviour):
             model.reset()
             self._observer.forget()
         late = self._loop.predict(model, observation, began_ns)
+        self._report_outside()
         self._took_s.append(self._loop.took_s)
         age_s = (self.context.now_ns() - observation.stamp_ns) / 1e9
         if late and self._loop.figures().queue == 0:
@@ -377,6 +379,23 @@ class InferenceNode(NodeBehaviour):
                 f"every step of a chunk was late: its observation was {age_s:.2f} s old on arrival. Use a "
                 "faster device or longer chunks. If the observation comes from another machine, "
                 "synchronise the clocks"
+            )
+
+    def _report_outside(self) -> None:
+        """Warn once of each joint that the model commands far outside its limits."""
+        joints = self._joints
+        for name, position_rad in self._loop.outside.items():
+            if name in self._reported_outside:
+                continue
+            self._reported_outside.add(name)
+            index = joints.names.index(name)
+            self.context.log.warning(
+                "the model commands %s to %.4g rad, its limits are %.4g to %.4g rad: the joint stays within "
+                "its limits. Check that the model was trained on this robot, in these units",
+                name,
+                position_rad,
+                joints.position_min_rad[index],
+                joints.position_max_rad[index],
             )
 
     def _loaded(self) -> Model:

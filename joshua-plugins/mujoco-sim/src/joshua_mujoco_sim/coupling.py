@@ -74,7 +74,8 @@ class CouplingServer:
             link.close()
         for thread in self._threads:  # each thread frees its own OpenGL context
             thread.join(JOIN_S)
-        self._path.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # a file system that has become read-only
+            self._path.unlink(missing_ok=True)
 
     def _accept(self) -> None:
         while not self._closed:

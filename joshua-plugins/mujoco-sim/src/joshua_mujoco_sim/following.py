@@ -18,6 +18,9 @@ from joshua_mujoco_sim.world import World
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
+#: Distance beyond a joint's range up to which a command is not reported: rounding.
+LIMIT_TOLERANCE_RAD = 0.01
+
 #: Number of lags that are kept for the report.
 LAGS_KEPT = 100_000
 
@@ -164,11 +167,21 @@ class Commands(Following):
                 )
             else:
                 index = self._group.joints.index(name)
-                goal[index] = np.clip(
-                    value, self._group.range_min_rad[index], self._group.range_max_rad[index]
-                )
+                goal[index] = self._within_range(index, value)
         with self._world.lock:
             self._goal = goal
+
+    def _within_range(self, index: int, value_rad: float) -> float:
+        """Return the nearest position within the joint's range, and warn once of one outside."""
+        low, high = float(self._group.range_min_rad[index]), float(self._group.range_max_rad[index])
+        nearest = min(max(value_rad, low), high)
+        if abs(value_rad - nearest) > LIMIT_TOLERANCE_RAD:
+            self._warn(
+                "~/joint_commands:",
+                f"a command for {self._group.joints[index]} is outside its range of {low:.4g} to {high:.4g} "
+                "rad; the joint stays within its range",
+            )
+        return nearest
 
     def _move(self, physics: Physics) -> None:
         del physics

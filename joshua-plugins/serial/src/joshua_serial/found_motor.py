@@ -31,6 +31,20 @@ class FoundMotor:
     status: str = ""
     shared: bool = False
 
+    @property
+    def alarms(self) -> list[str]:
+        """Why the motor protects itself or would do so with torque: its reported fault, heat, the supply."""
+        found = [self.status] if self.status else []
+        heat, most_c = self.temperature_c, self.max_temperature_c
+        if heat is not None and most_c is not None and heat > most_c:
+            found.append(f"{heat:.0f} °C, at most {most_c:.0f} °C")
+        supply, least_v, most_v = self.voltage_v, self.min_voltage_v, self.max_voltage_v
+        if supply is None or least_v is None or most_v is None:
+            return found
+        if not least_v <= supply <= most_v:
+            found.append(f"{supply:.1f} V, allowed {least_v:.1f} to {most_v:.1f} V")
+        return found
+
     def __str__(self) -> str:
         if self.shared:
             return f"{self.motor_id} (several motors)"

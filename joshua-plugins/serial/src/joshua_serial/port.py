@@ -15,7 +15,7 @@ import termios
 import time
 from collections.abc import Callable, Iterator
 
-from joshua.api import Cancelled
+from joshua.api import AwakeClock, Cancelled
 
 from joshua_serial.errors import (
     PortBusy,
@@ -28,7 +28,8 @@ from joshua_serial.errors import (
 from joshua_serial.port_holders import describe_process, holders, is_guardian
 from joshua_serial.usb_ports import Endpoint, PortEntry, describe_ports, resolve
 
-FULL_LINE_S = 1.0  # a line that accepts no byte for this long is gone
+FULL_LINE_S = 1.0  # a line that accepts no byte for this long, in awake time, is gone
+FULL_LOOK_S = 0.1
 BITS_PER_BYTE = 10  # start bit, eight data bits, stop bit
 _LARGEST_MINIMUM = 255  # VMIN is one byte
 _IS_LINUX = sys.platform == "linux"
@@ -204,9 +205,13 @@ class SerialPort:
             return 0
 
     def _wait_writable(self) -> None:
-        _, writable, _ = select.select([], [self._fd], [], FULL_LINE_S)
-        if not writable:
-            raise OSError(errno.EIO, "the line accepts no bytes")
+        clock = AwakeClock(longest_look_s=FULL_LOOK_S)
+        began_s = clock.now_s()
+        writable: list[int] = []
+        while not writable:
+            if clock.now_s() - began_s >= FULL_LINE_S:
+                raise OSError(errno.EIO, "the line accepts no bytes")
+            _, writable, _ = select.select([], [self._fd], [], FULL_LOOK_S)
 
     def _open(self) -> int:
         path = self.entry.path

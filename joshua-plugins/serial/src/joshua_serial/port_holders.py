@@ -48,7 +48,7 @@ def describe_process(process: int, proc: Path = Path("/proc")) -> str:
 def is_guardian(process: int, proc: Path = Path("/proc")) -> bool:
     """Return whether a process is a guardian that brings a device into its safe state."""
     with contextlib.suppress(OSError):
-        return b"joshua.guardian.main" in (proc / str(process) / "cmdline").read_bytes().split(b"\0")
+        return (proc / str(process) / "comm").read_bytes().strip() == b"joshua-guardian"
     return False
 
 

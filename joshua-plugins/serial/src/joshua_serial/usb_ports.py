@@ -103,6 +103,9 @@ def resolve(endpoint: Endpoint) -> PortEntry:
     Raises:
         PortNotFound: no adapter matches, or several do. The message lists the available ports.
     """
+    known = _at_path(endpoint)
+    if known is not None:
+        return known
     ports = list_ports(endpoint.device_root)
     if not (endpoint.serial_number or endpoint.vid_pid):
         return _by_path(endpoint, ports)
@@ -123,6 +126,30 @@ def resolve(endpoint: Endpoint) -> PortEntry:
         f"{endpoint}: no adapter with this identity is plugged in. Ports here: {_listing(ports)}. Plug the "
         "device in and check its supply, or correct comm.serial; joshua find-port lists the ports."
     )
+
+
+def _at_path(endpoint: Endpoint) -> PortEntry | None:
+    """Return the port at the endpoint's path if it fits, without reading the others; None if it may not.
+
+    A host has a hundred ttys, and a guardian opens its port when an arm must stop.
+    """
+    root = Path(endpoint.device_root)
+    classes = root / "sys/class/tty"
+    real = Path(endpoint.path).resolve()
+    if not endpoint.path or not real.exists() or not classes.is_dir():
+        return None
+    by_identity = bool(endpoint.serial_number or endpoint.vid_pid)
+    for name in dict.fromkeys((Path(endpoint.path).name, real.name)):
+        path = root / "dev" / name
+        if not (classes / name).exists() or path.resolve() != real:
+            continue
+        with contextlib.suppress(OSError):  # it is being unplugged
+            entry = _entry(classes / name, path, _by_id_links(root / "dev/serial/by-id"))
+            if not by_identity:
+                return replace(entry or PortEntry(""), path=endpoint.path)
+            return entry if entry is not None and _fits(entry, endpoint) else None
+    # The host's own tty devices have the names of their classes, so this is none of them.
+    return PortEntry(endpoint.path) if endpoint.device_root == "/" and not by_identity else None
 
 
 def _by_path(endpoint: Endpoint, ports: Iterable[PortEntry]) -> PortEntry:

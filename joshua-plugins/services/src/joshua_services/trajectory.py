@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from joshua.api import JointRange
 from joshua.api.nodes import ActuatorFacts, ExtendedNode
 from joshua.api.transports import QosProfile, Sample
 from joshua.messages import decode, encode, message_class
@@ -25,6 +26,10 @@ NAME = "follow_joint_trajectory"
 
 #: Default of a goal's tolerance of each joint at its last point: a desk arm sags by less.
 GOAL_TOLERANCE_RAD = 0.1
+#: Distance beyond a limit that counts as rounding.
+LIMIT_TOLERANCE_RAD = 0.01
+#: A first point at time 0 states where the joints are, and a joint may rest this far outside its limits.
+START_TOLERANCE_RAD = 0.1
 #: Default of the time after the last point within which the joints may still arrive.
 GOAL_TIME_S = 2.0
 #: Time within which the actuator must publish its state.
@@ -59,6 +64,8 @@ class TrajectoryServer:
         self._lock = threading.Lock()
         self._arrived = threading.Event()
         self._position_rad: dict[str, float] = {}
+        states = (item.name for item in node.context.spec.publishers if item.type_name == JOINT_STATE)
+        self._state_topic = next(states, "")
         self._server = ActionServer(node, NAME, ACTION, self._refuse, self._execute)
 
     def _take_state(self, sample: Sample) -> None:
@@ -68,8 +75,12 @@ class TrajectoryServer:
         self._arrived.set()
 
     def _refuse(self, goal: Any) -> str:
+        """Return why a goal is refused; "" if it can be executed, and may then replace a running one."""
+        if not self._state_topic:
+            return f"{self._node.context.spec.full_name} publishes no JointState"
         names, points = list(goal.trajectory.joint_names), list(goal.trajectory.points)
-        known = [joint.name for joint in self._node.context.spec.facts_as(ActuatorFacts).joints]
+        facts = self._node.context.spec.facts_as(ActuatorFacts)
+        known = [joint.name for joint in facts.joints]
         if len(goal.multi_dof_trajectory.joint_names) or len(goal.multi_dof_trajectory.points):
             return "multi_dof_trajectory is not empty; each joint here has one degree of freedom"
         if not names or not points:
@@ -84,14 +95,11 @@ class TrajectoryServer:
         for number, point in enumerate(points):
             if len(point.positions) != len(names) or not np.isfinite(point.positions).all():
                 return f"point {number} needs a finite position for each of {len(names)} joints"
-        return self._node.context.fault_reason
+        return _outside(names, points, facts.joints) or self._node.context.fault_reason
 
     def _execute(self, goal: Goal) -> tuple[int, dict[str, Any]]:
         """Execute a goal; the joint state is subscribed to only meanwhile."""
-        spec = self._node.context.spec
-        states = next((item.name for item in spec.publishers if item.type_name == JOINT_STATE), "")
-        if not states:
-            return ABORTED, _result(_INVALID_GOAL, f"{spec.full_name} publishes no JointState")
+        states = self._state_topic
         self._arrived.clear()
         qos = QosProfile(reliability="BEST_EFFORT", depth=1)
         subscription = self._node.handle.create_subscription(states, JOINT_STATE, qos, self._take_state)
@@ -163,6 +171,25 @@ class TrajectoryServer:
                 "error": point(positions=desired - actual, time_from_start=at),
             },
         )
+
+
+def _outside(names: list[str], points: list[Any], joints: tuple[JointRange, ...]) -> str:
+    """Return which position of a trajectory lies outside the joint's limits; "" if none does."""
+    ranges = {joint.name: joint for joint in joints if joint.min_rad < joint.max_rad}
+    for number, point in enumerate(points):
+        is_start = number == 0 and len(points) > 1 and _seconds(point.time_from_start) == 0
+        tolerance_rad = START_TOLERANCE_RAD if is_start else LIMIT_TOLERANCE_RAD
+        for name, position_rad in zip(names, map(float, point.positions), strict=True):
+            limits = ranges.get(name)
+            if limits is None:
+                continue
+            beyond_rad = max(limits.min_rad - position_rad, position_rad - limits.max_rad)
+            if beyond_rad > tolerance_rad:
+                return (
+                    f"point {number} commands {name} to {position_rad:.4g} rad, its limits are "
+                    f"{limits.min_rad:.4g} to {limits.max_rad:.4g} rad. Plan within these limits"
+                )
+    return ""
 
 
 def _seconds(duration: Any) -> float:

@@ -40,9 +40,9 @@ from joshua_servo.settings import ServoSettings
 from joshua_servo.state import StateReader
 from joshua_servo.torque import MoveValues, TorqueSwitch
 from joshua_servo.tuning import Tuning
-from joshua_servo.watch import HealthLimits, HealthWatch
+from joshua_servo.watch import MOST_SAMPLES, SAMPLE_PAUSE_S, HealthLimits, HealthWatch
 
-HOLD_S = 0.06  # a servo without a reply delays the hold of the others by at most three requests
+HOLD_S = 0.06  # a servo without a reply delays the hold of the others by at most two requests
 TORQUE_CHECK_S = 0.5  # interval of the torque checks while all replies arrive
 MAX_RATE_WINDOW_S = 0.5  # after a pause, the distance to a goal is at most this many seconds at full speed
 
@@ -89,7 +89,11 @@ class ServoArm(Actuator):
         self._tripped = ""
         self._relaxed: dict[int, str] = {}  # index of the joint, and why it has no torque
         self._under_voltage: set[int] = set()
-        self._grippers = [i for i, joint in enumerate(settings.joint_settings) if joint.gripper]
+        self._relax_alone = [
+            index
+            for index, joint in enumerate(settings.joint_settings)
+            if joint.gripper or settings.are_grippers_unknown
+        ]
         # rad, not rounded, because slow motions are less than a tick per cycle
         self._goal: list[float] = [0.0] * len(self._ids)
         self._goal_ticks, self._written_s = [0] * len(self._ids), 0.0
@@ -173,16 +177,14 @@ class ServoArm(Actuator):
         with self._lock:
             open_unguarded(self._port, self.context.stopping)
             try:
-                try:
-                    self.check()
-                except NoReply:  # a machine that starts a run may stall briefly
-                    self.check()
+                self.check()
             except BaseException:
                 self._port.close()
                 raise
             self._enabled = False
             self._tripped = ""
             self._follow_identity()
+            self._warn_of_unknown_grippers()
 
     def check(self) -> None:
         """Check the motors as at the start and read their limits, without writing. Raises DeviceError."""
@@ -273,12 +275,7 @@ class ServoArm(Actuator):
         self.require_connected("enable")
         with self._lock:
             self.prepare()
-            readings = self._state.settled_feedback()
-            self._watch.reset()
-            if reason := self._watch.trip_reason(readings):
-                raise SafetyTripped(
-                    f"{self._port}: torque stays off: {reason}. Correct it, then enable again."
-                )
+            readings = self._healthy_feedback()
             present = [reading.position for reading in readings]
             self.check_start(present)
             if not self._dry_run:
@@ -288,9 +285,31 @@ class ServoArm(Actuator):
             self._relaxed = {}
             self._remember(self._map.radians(present).tolist(), present)
 
+    def _healthy_feedback(self) -> list[Feedback]:
+        """Feedback before torque, judged by each protection from as many samples as it needs.
+
+        Raises SafetyTripped if a protection would trip while the arm runs.
+        """
+        self._watch.reset()
+        reason = ""
+        for _ in range(MOST_SAMPLES):
+            readings = self._state.settled_feedback()
+            reason = self._watch.trip_reason(readings)
+            if reason:
+                break
+            if not self._watch.undecided:
+                return readings
+            time.sleep(SAMPLE_PAUSE_S)
+        reason = reason or "the supply voltage leaves its allowed range again and again"
+        raise SafetyTripped(f"{self._port}: torque stays off: {reason}. Remove the cause, then try again.")
+
     @property
     def relaxed(self) -> Mapping[str, str]:
-        """Grippers whose torque is off after an overload, and why; the other joints have torque."""
+        """Joints whose torque alone is off after an overload, and why; the others have torque.
+
+        These are grippers. Without a calibration and without ``gripper`` in a joint block it is any joint,
+        because an object that is gripped must not drop the whole arm.
+        """
         return {self.joint_names[index]: reason for index, reason in self._relaxed.items()}
 
     def rejoin(self) -> None:
@@ -304,9 +323,7 @@ class ServoArm(Actuator):
         with self._lock:
             ids = [self._ids[index] for index in self._relaxed]
             self._prepare(ids)
-            readings = self._state.settled_feedback()
-            if reason := self._watch.trip_reason(readings):
-                raise SafetyTripped(f"{self._port}: {reason}. Remove the cause, then try again.")
+            readings = self._healthy_feedback()
             present = [reading.position for reading in readings]
             self.check_start(present, tuple(self._relaxed))
             self._torque.switch_on(present, self.move_values(), ids)
@@ -435,6 +452,7 @@ class ServoArm(Actuator):
             eeprom=self._tuning.before,
             grips=self._grips.stops,
             torque_limit=self._grips.limit_register,
+            echo=self._bus.echoes if self.connected else None,
             timeout_s=timeout_s,
         )
 
@@ -458,10 +476,24 @@ class ServoArm(Actuator):
                 "--allow-uncalibrated to drive it about the middle of position_min and position_max."
             )
 
+    def _warn_of_unknown_grippers(self) -> None:
+        """Say what an overload does to an arm that gets torque without a calibration."""
+        facts = self.context.facts
+        is_commanded = bool(facts.commanders or facts.external)
+        if not (facts.allow_uncalibrated and is_commanded and self.settings.are_grippers_unknown):
+            return
+        self.context.log.warning(
+            "%s: the arm is not calibrated, so it is unknown which joint is the gripper. A joint that stalls "
+            "loses its torque alone, and the others keep theirs. Name the gripper in the file, for example "
+            "joint { motor_id: %d gripper: true }, or calibrate the arm",
+            self._port,
+            self._ids[-1],
+        )
+
     def _trip_where_needed(self, readings: Sequence[Feedback]) -> None:
         overloaded = [
             index
-            for index in self._grippers
+            for index in self._relax_alone
             if index not in self._relaxed and self._watch.is_overload_alone(readings[index])
         ]
         reason = self._watch.trip_reason(readings, {*self._relaxed, *overloaded})
@@ -495,7 +527,7 @@ class ServoArm(Actuator):
         self._under_voltage = reporting
 
     def _relax(self, reasons: Mapping[int, str]) -> None:
-        """Disable the torque of grippers. A goal would enable it, so none is written until ``rejoin``."""
+        """Disable the torque of single joints. A goal would enable it: none is written until ``rejoin``."""
         if not reasons:
             return
         self._relaxed.update(reasons)

@@ -21,6 +21,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import ClassVar, NamedTuple
 
+from joshua.api import SILENCE_LIMIT_S, Patience
 from joshua_serial.port import SerialPort
 
 from joshua_servo.bus_tools import FoundMotor
@@ -30,7 +31,9 @@ from joshua_servo.register import Register
 from joshua_servo.reply import Reply, ReplySearch
 
 REPLY_MARGIN_S = 0.02  # beyond wire time: adapters hold bytes back for up to 16 ms
-RETRIES = 4  # with the margin a tenth of a second, because a busy host may stall for that long
+LONGEST_WAIT_S = SILENCE_LIMIT_S / 5  # for one reply, because a busy host delays replies
+WRITES = 5  # of a register whose servo replies, but keeps another value
+TELLING_DELAY_S = 0.05  # of this process, in a message
 LATE_HORIZON_S = 0.25  # time after a lost reply in which it may still arrive late
 COPY_S = 0.02  # time after a reply in which a copy of it may arrive
 PADDINGS = 15  # lengths of one read beside its own
@@ -55,8 +58,8 @@ class ServoBus(ABC):
     """Requests to the servos on one port, in the packets of one protocol.
 
     Args:
-        reply_margin_s: longest delay of a reply after its wire time.
-        retries: repetitions of a request for servos that did not reply.
+        reply_margin_s: longest delay of the first reply after its wire time. The next ones may take longer.
+        patience_s: awake time after which a servo without a reply counts as silent, see ``Patience``.
     """
 
     #: Whether a servo may refuse any request with a reply without data.
@@ -67,11 +70,17 @@ class ServoBus(ABC):
     baudrates: ClassVar[Collection[int]]
 
     def __init__(
-        self, port: SerialPort, *, reply_margin_s: float = REPLY_MARGIN_S, retries: int = RETRIES
+        self,
+        port: SerialPort,
+        *,
+        reply_margin_s: float = REPLY_MARGIN_S,
+        patience_s: float = SILENCE_LIMIT_S,
     ) -> None:
         self.port = port
         self.reply_margin_s = reply_margin_s
-        self.retries = retries
+        self.patience_s = patience_s
+        self._spent: Patience | None = None  # of the last sync read, if servos are missing in it
+        self._late = 0  # readings with missing replies in a row
         self.counters = BusCounters()
         self.status: dict[int, int] = {}  # error byte of each servo's last reply
         self._echo = 0  # 1 if the adapter echoes sent bytes
@@ -138,26 +147,88 @@ class ServoBus(ABC):
         length: int,
         ids: tuple[int, ...],
         *,
-        retries: int | None = None,
-        within_s: float = math.inf,
+        within_s: float | None = None,
     ) -> dict[int, bytes]:
-        """Read the same bytes of several servos, without those that do not reply within all retries.
+        """Read the same bytes of several servos, without those that do not reply.
 
         Args:
-            within_s: no retry begins later than this, because on a busy machine each takes longer than its
-            timeout.
+            within_s: for a caller that is called again: no retry begins later than this. None repeats the
+                request until the patience with the servos ends; ``no_reply`` then explains the missing ones.
 
         Raises PortDisconnected.
         """
-        began_s = time.monotonic()
-        values = self._sync_read_once(address, length, ids, may_wait=within_s == math.inf)
-        for _ in range(self.retries if retries is None else retries):
-            if len(values) == len(ids) or time.monotonic() - began_s > within_s:
-                break
+        if within_s is not None:
+            return self._sync_read_within(address, length, ids, within_s)
+        patience = self._patience()
+        values: dict[int, bytes] = {}
+        while True:
+            missing = tuple(servo_id for servo_id in ids if servo_id not in values)
+            patience.begin()
+            wait_s = self.wait_s(patience.misses, patience.left_s)
+            values |= self._sync_read_once(address, length, missing, wait_s)
+            if len(values) == len(ids):
+                self._spent = None
+                return values
+            if not patience.miss():
+                self._spent = patience
+                return values
+            self.counters.retries += 1
+
+    def _sync_read_within(
+        self, address: int, length: int, ids: tuple[int, ...], within_s: float
+    ) -> dict[int, bytes]:
+        """One attempt, and retries that begin in time. While servos are silent, each waits longer."""
+        until_s = time.monotonic() + within_s
+        self._spent = None
+        wait_s = self.wait_s(self._late, within_s)
+        values = self._sync_read_once(address, length, ids, wait_s, until_s)
+        while len(values) < len(ids):
+            self._late += 1
+            left_s = until_s - time.monotonic()
+            if left_s < self.reply_margin_s / 2:  # a shorter wait would find nothing
+                return values
             self.counters.retries += 1
             missing = tuple(servo_id for servo_id in ids if servo_id not in values)
-            values |= self._sync_read_once(address, length, missing, may_wait=within_s == math.inf)
+            wait_s = self.wait_s(self._late, left_s)
+            values |= self._sync_read_once(address, length, missing, wait_s, until_s)
+        self._late = 0
         return values
+
+    def no_reply(self, claim: str, remedy: str) -> NoReply:
+        """An error for servos that are missing in the last sync read.
+
+        The servos are blamed only if they left requests unanswered for long enough.
+
+        Args:
+            claim: such as ``no servo answers``; remedy: sentences.
+        """
+        if self._spent is None:  # one cycle of a loop, which judges itself
+            return NoReply(f"{self.port}: {claim}. {remedy}")
+        return self.explain(claim, remedy, self._spent)
+
+    def explain(self, claim: str, remedy: str, patience: Patience, *, garbled: bool = False) -> NoReply:
+        """An error for servos with which the patience has ended. Arguments as of ``no_reply``."""
+        delayed_s = patience.delayed_s
+        if patience.is_silent:
+            delay = f", besides {delayed_s:.2f} s of delays of this process" * (delayed_s > TELLING_DELAY_S)
+            asked = f"no reply to {patience.misses} requests in {patience.awake_s:.2f} s{delay}"
+            return NoReply(f"{self.port}: {claim}: {asked}. {remedy}", garbled=garbled)
+        return NoReply(
+            f"{self.port}: no reply for {patience.gap_s:.1f} s, of which this process was delayed by "
+            f"{delayed_s:.1f} s: the machine is too busy to tell whether a servo is at fault. Close other "
+            "programs, then try again. `joshua doctor` says how to give drivers priority.",
+            is_proof=False,
+        )
+
+    def _patience(self) -> Patience:
+        """The patience with servos that do not reply to one request."""
+        period_s = max(LONGEST_WAIT_S, self.reply_margin_s)
+        return Patience(self.patience_s, period_s=period_s)
+
+    def wait_s(self, misses: int, left_s: float) -> float:
+        """Return the delay of a reply to wait for: longer after each miss."""
+        longer_s = min(self.reply_margin_s * (1 << min(misses, 8)), LONGEST_WAIT_S, left_s)
+        return max(self.reply_margin_s, longer_s)
 
     def sync_write(self, address: int, width: int, rows: Mapping[int, bytes]) -> None:
         """Write ``width`` bytes to several servos in one packet, without replies. Raises PortDisconnected."""
@@ -170,16 +241,22 @@ class ServoBus(ABC):
 
     def read_block(self, servo_id: int, address: int, length: int) -> bytes:
         """Read bytes of one servo. Raises NoReply, ServoRefused and PortDisconnected."""
-        for attempt in range(self.retries + 1):
-            self.counters.retries += attempt > 0
-            start, size, skip = self._free_length(address, length, (servo_id,)) or self._wait_for_length(
-                address, length, (servo_id,)
-            )
-            reply = self.ask(servo_id, self.read_request(servo_id, start, size), size)
+        patience, garbled = self._patience(), 0
+        while True:
+            found = self._wait_for_length(address, length, (servo_id,))
+            assert found is not None
+            start, size, skip = found
+            corrupt = self.counters.corrupt
+            patience.begin()
+            wait_s = self.wait_s(patience.misses, patience.left_s)
+            reply = self.ask(servo_id, self.read_request(servo_id, start, size), size, wait_s)
             if reply is not None:
                 self._check(reply, f"a read of {length} bytes at {address}")
                 return reply.data[skip : skip + length]
-        raise self._no_reply(servo_id, "a read")
+            garbled += self.counters.corrupt > corrupt
+            if not patience.miss():
+                raise self._not_answered(servo_id, "a read", patience, garbled=2 * garbled > patience.misses)
+            self.counters.retries += 1
 
     def write(self, servo_id: int, register: Register, value: int) -> None:
         """Write one register and read it back.
@@ -187,22 +264,29 @@ class ServoBus(ABC):
         Raises NoReply, also if the register does not keep the value, ServoRefused and PortDisconnected.
         """
         message = self.write_request(servo_id, register.address, register.encode(value))
-        kept: int | None = None
-        for attempt in range(self.retries + 1):
-            self.counters.retries += attempt > 0
-            reply = self.ask(servo_id, message, 0)
-            if reply is None:
-                continue
-            self._check(reply, f"{register.name} = {value}")
+        for _ in range(WRITES):
+            self._acknowledged(servo_id, message, f"{register.name} = {value}", f"a write of {register.name}")
             kept = self.read(servo_id, register)
             if kept == value:
                 return
-        if kept is None:
-            raise self._no_reply(servo_id, f"a write of {register.name}")
+            self.counters.retries += 1
         raise NoReply(
             f"{self.port}: id {servo_id} keeps {register.name} at {kept} instead of {value}. "
             "Check the supply voltage and try again. The servo may be worn out."
         )
+
+    def _acknowledged(self, servo_id: int, message: bytes, change: str, what: str) -> None:
+        """Send a write until it is acknowledged. Raises NoReply, ServoRefused and PortDisconnected."""
+        patience = self._patience()
+        while True:
+            patience.begin()
+            reply = self.ask(servo_id, message, 0, self.wait_s(patience.misses, patience.left_s))
+            if reply is not None:
+                self._check(reply, change)
+                return
+            if not patience.miss():
+                raise self._not_answered(servo_id, what, patience)
+            self.counters.retries += 1
 
     def write_checked(self, servo_id: int, values: Mapping[Register, int]) -> None:
         """Write registers and read each one back. Raises as ``write``."""
@@ -284,6 +368,15 @@ class ServoBus(ABC):
         found = self.ask(servo_id, self.read_request(servo_id, address, length), length)
         return found is None and self.counters.corrupt > corrupt
 
+    @property
+    def echoes(self) -> bool:
+        """Whether the adapter echoes sent bytes, as detected or set."""
+        return bool(self._echo)
+
+    @echoes.setter
+    def echoes(self, echoes: bool) -> None:
+        self._echo = int(echoes)
+
     def detect_echo(self) -> None:
         """Detect whether the adapter echoes sent bytes, with an instruction that no servo answers.
 
@@ -297,17 +390,18 @@ class ServoBus(ABC):
             received += self.port.receive(1, deadline_s)
         self._echo = int(message in received)
 
-    def ask(self, servo_id: int, message: bytes, length: int) -> Reply | None:
+    def ask(self, servo_id: int, message: bytes, length: int, wait_s: float | None = None) -> Reply | None:
         """One request to one servo, one attempt; None if no whole reply came. Raises PortDisconnected.
 
         Args:
             length: data bytes of the reply. A refusal has none.
+            wait_s: delay of the reply to wait for, by default ``reply_margin_s``.
         """
         self._wait_for_claim(servo_id, length, message)
         is_second = self._is_lost(servo_id, length)  # the reply to the first may arrive, too
         size = length + self.reply_overhead
         refusable = not self._is_claimed(servo_id, 0, message)
-        deadline_s = self._send(message, size)
+        deadline_s = self._send(message, size, wait_s)
         search = self.make_search()
         found: Reply | None = None
         received = self._receive(message, size, deadline_s)
@@ -326,17 +420,15 @@ class ServoBus(ABC):
         return found
 
     def _sync_read_once(
-        self, address: int, length: int, ids: tuple[int, ...], *, may_wait: bool
+        self, address: int, length: int, ids: tuple[int, ...], wait_s: float, until_s: float = math.inf
     ) -> dict[int, bytes]:
-        """One attempt; none if no length is free and there is no time to wait for one."""
+        """One attempt; none if no length becomes free in time."""
         skip = 0
         size = length
         if self._claims or len(ids) == 1 or (self._last and self._last[0] != ids):
-            found = self._free_length(address, length, ids)
+            found = self._wait_for_length(address, length, ids, until_s)
             if found is None:
-                if not may_wait:
-                    return {}
-                found = self._wait_for_length(address, length, ids)
+                return {}
             address, size, skip = found
         is_fresh = size != length  # otherwise a copy of an earlier reply may have this length, too
         key = (address, size, ids)
@@ -344,7 +436,7 @@ class ServoBus(ABC):
         if message is None:
             message = self._requests[key] = self.sync_read_request(address, size, ids)
         total = (size + self.reply_overhead) * len(ids)
-        deadline_s = self._send(message, total)
+        deadline_s = self._send(message, total, wait_s)
         received = self._receive(message, total, deadline_s)
         values = self.take_all(received, size, ids)
         if values is None:
@@ -354,7 +446,9 @@ class ServoBus(ABC):
                 for servo_id in missing:
                     self._claim(servo_id, size, message, is_lost=True)
                 # an order with gaps proves nothing if copies of earlier replies have this length
-                return {} if values is None else self._sync_read_once(address, length, ids, may_wait=may_wait)
+                if values is None:
+                    return {}
+                return self._sync_read_once(address, length, ids, wait_s, until_s)
             for servo_id in missing:
                 self._lose(servo_id, size, message)
         if is_fresh or len(ids) == 1:
@@ -390,12 +484,12 @@ class ServoBus(ABC):
         self.counters.corrupt += search.broken
         return taken
 
-    def _send(self, message: bytes, reply_size: int) -> float:
+    def _send(self, message: bytes, reply_size: int, wait_s: float | None = None) -> float:
         """Send a request. Return the deadline of its replies."""
         self.counters.requests += 1
         self.port.send(message)
         wire_s = self.port.wire_time_s(len(message) * (1 + self._echo) + reply_size)
-        return time.monotonic() + wire_s + self.reply_margin_s
+        return time.monotonic() + wire_s + (self.reply_margin_s if wait_s is None else wait_s)
 
     def _receive(self, message: bytes, size: int, deadline_s: float) -> bytes:
         if not self._echo:
@@ -436,13 +530,17 @@ class ServoBus(ABC):
                 best = latest_s, read
         return best[1] if best else None
 
-    def _wait_for_length(self, address: int, length: int, ids: Sequence[int]) -> tuple[int, int, int]:
-        """As ``_free_length``, after waiting if necessary."""
+    def _wait_for_length(
+        self, address: int, length: int, ids: Sequence[int], until_s: float = math.inf
+    ) -> tuple[int, int, int] | None:
+        """As ``_free_length``, after waiting if necessary; None if no length is free at that time."""
         while (found := self._free_length(address, length, ids)) is None:
-            claims = [claim.blocks_until_s for key, claim in self._claims.items() if key[0] in ids]
             now_s = time.monotonic()
-            until_s = min((at_s for at_s in claims if at_s > now_s), default=now_s)
-            _sleep_until(until_s)
+            if now_s >= until_s:
+                return None
+            claims = [claim.blocks_until_s for key, claim in self._claims.items() if key[0] in ids]
+            free_s = min((at_s for at_s in claims if at_s > now_s), default=now_s)
+            _sleep_until(min(free_s, until_s))
         return found
 
     def _is_claimed(self, servo_id: int, length: int, message: bytes) -> bool:
@@ -474,11 +572,11 @@ class ServoBus(ABC):
         if reason:
             raise ServoRefused(f"{self.port}: id {reply.servo_id} refuses {what}: {reason}")
 
-    def _no_reply(self, servo_id: int, what: str) -> NoReply:
-        return NoReply(
-            f"{self.port}: id {servo_id} does not answer {what} in {self.retries + 1} attempts. "
-            "Check its cable and the supply; run joshua doctor to check the whole chain."
-        )
+    def _not_answered(
+        self, servo_id: int, what: str, patience: Patience, *, garbled: bool = False
+    ) -> NoReply:
+        remedy = "Check its cable and the supply; run joshua doctor to check the whole chain."
+        return self.explain(f"id {servo_id} does not answer {what}", remedy, patience, garbled=garbled)
 
 
 def _sleep_until(until_s: float) -> None:

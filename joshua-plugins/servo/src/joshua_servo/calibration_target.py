@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import ClassVar
 
 from joshua.api import DeviceError
@@ -14,17 +13,13 @@ from joshua_serial.port import SerialPort
 from joshua_serial.usb_ports import Endpoint
 
 from joshua_servo.bus import ServoBus
-from joshua_servo.errors import MotorCheckFailed, NoReply
+from joshua_servo.errors import MotorCheckFailed
 from joshua_servo.family import ServoFamily
 from joshua_servo.inspection import ServoSetup
 from joshua_servo.motor_check import check_motors
 from joshua_servo.register import Register
 from joshua_servo.settings import ServoSettings
 from joshua_servo.torque import TorqueSwitch
-
-#: Half a second for each request to the EEPROM: nothing moves, and a failure would abort the whole
-#: calibration.
-EEPROM_RETRIES = 24
 
 
 class ServoCalibrationTarget(CalibrationTarget):
@@ -106,14 +101,6 @@ class ServoCalibrationTarget(CalibrationTarget):
         self._require_open("release")
         self._torque.switch_off()
 
-    @contextmanager
-    def _patiently(self) -> Iterator[None]:
-        usual, self._bus.retries = self._bus.retries, EEPROM_RETRIES
-        try:
-            yield
-        finally:
-            self._bus.retries = usual
-
     def raw_positions(self) -> tuple[int, ...]:
         """Encoder positions in cable order."""
         self._require_open("raw_positions")
@@ -124,7 +111,7 @@ class ServoCalibrationTarget(CalibrationTarget):
             names = ", ".join(
                 f"{motor.joint_name} (id {motor.id})" for motor in self._motors if motor.id in missing
             )
-            raise NoReply(f"{self._port}: no answer from {names}. Check the cables and the supply.")
+            raise self._bus.no_reply(f"no answer from {names}", "Check the cables and the supply.")
         return tuple(
             (present.decode(values[servo_id]) + self._offsets[servo_id]) % TICKS_PER_TURN
             for servo_id in self._ids
@@ -133,15 +120,14 @@ class ServoCalibrationTarget(CalibrationTarget):
     def stored(self) -> tuple[StoredMotor, ...]:
         """Homing offsets and limits in the EEPROM, in cable order."""
         self._require_open("stored")
-        with self._patiently():
-            return tuple(
-                StoredMotor(
-                    self.offset_sign * self._bus.read(servo_id, self.homing_offset),
-                    self._bus.read(servo_id, self.min_position),
-                    self._bus.read(servo_id, self.max_position),
-                )
-                for servo_id in self._ids
+        return tuple(
+            StoredMotor(
+                self.offset_sign * self._bus.read(servo_id, self.homing_offset),
+                self._bus.read(servo_id, self.min_position),
+                self._bus.read(servo_id, self.max_position),
             )
+            for servo_id in self._ids
+        )
 
     def store(self, motor_id: int, values: StoredMotor) -> None:
         """Write the EEPROM of one servo and read it back."""
@@ -152,8 +138,7 @@ class ServoCalibrationTarget(CalibrationTarget):
             self.max_position: values.range_max,
         }
         self.refuse_unfit(motor_id, registers)
-        with self._patiently():
-            self._bus.write_eeprom(motor_id, registers)
+        self._bus.write_eeprom(motor_id, registers)
         self._offsets[motor_id] = values.homing_offset
 
     def _require_open(self, verb: str) -> None:

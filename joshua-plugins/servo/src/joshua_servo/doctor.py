@@ -18,6 +18,7 @@ NAME = "motors"
 NEAR_C = 10  # degrees below the limit
 NEAR_V = 0.5
 DROP_V = 1.0  # between the motors of one chain
+COOL_DOWN = "let it cool down and reduce its load"
 
 
 def check_ports(host: Host, arguments: argparse.Namespace) -> Iterator[DoctorResult]:
@@ -70,28 +71,29 @@ def _each(found: PortSurvey, families: Families) -> Iterator[DoctorResult]:
         subject = f"{found.entry.path} id {motor.motor_id}"
         for text in remarks(motor, families[block]):
             what, _, remedy = text.partition(": ")
-            yield DoctorResult(Level.ERROR, NAME, subject, what, remedy or _remedy(motor))
+            yield DoctorResult(Level.ERROR, NAME, subject, what, remedy or _remedy(motor, text))
         yield from _temperature(subject, motor)
         yield from _voltage(subject, motor)
 
 
-def _remedy(motor: FoundMotor) -> str:
-    if motor.status:
+def _remedy(motor: FoundMotor, text: str) -> str:
+    if text == motor.status:
         return "find the cause (a blocked joint, heat, the supply), then switch the supply off and on"
-    return "replace it, or install its plugin"
+    if text not in motor.alarms:
+        return "replace it, or install its plugin"
+    return COOL_DOWN if "°C" in text else "use a supply of the motors' voltage"
 
 
 def _temperature(subject: str, motor: FoundMotor) -> Iterator[DoctorResult]:
     present, most = motor.temperature_c, motor.max_temperature_c
-    if present is None or most is None or present <= most - NEAR_C:
+    if present is None or most is None or not most - NEAR_C < present <= most:
         return
-    level = Level.ERROR if present > most else Level.WARNING
     yield DoctorResult(
-        level,
+        Level.WARNING,
         NAME,
         subject,
         f"{present:.0f} °C, at most {most:.0f} °C",
-        "let it cool down and reduce its load",
+        COOL_DOWN,
     )
 
 
@@ -99,15 +101,12 @@ def _voltage(subject: str, motor: FoundMotor) -> Iterator[DoctorResult]:
     present, least, most = motor.voltage_v, motor.min_voltage_v, motor.max_voltage_v
     if present is None or least is None or most is None:
         return
-    allowed = f"{present:.1f} V, allowed {least:.1f} to {most:.1f} V"
-    if not least <= present <= most:
-        yield DoctorResult(Level.ERROR, NAME, subject, allowed, "use a supply of the motors' voltage")
-    elif present < least + NEAR_V:
+    if least <= present < least + NEAR_V:
         yield DoctorResult(
             Level.WARNING,
             NAME,
             subject,
-            allowed,
+            f"{present:.1f} V, allowed {least:.1f} to {most:.1f} V",
             "check the supply: its voltage drops further when the arm moves",
         )
 

@@ -13,7 +13,17 @@ if TYPE_CHECKING:
 
 
 class NoReply(DeviceSilent):
-    """A servo did not reply within all retries, or only with broken packets."""
+    """A servo did not reply, or only with broken packets, or this process was too slow to tell.
+
+    Args:
+        garbled: most replies were broken, as if two servos replied at once.
+        is_proof: the servo had the time to reply.
+    """
+
+    def __init__(self, text: str, *, garbled: bool = False, is_proof: bool = True) -> None:
+        super().__init__(text)
+        self.garbled = garbled
+        self.is_proof = is_proof
 
 
 class MotorCheckFailed(DeviceError):

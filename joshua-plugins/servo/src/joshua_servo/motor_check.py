@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from joshua.api import Patience
 from joshua_serial.errors import PortUnusable
 
-from joshua_servo.bus import ServoBus
+from joshua_servo.bus import LONGEST_WAIT_S, ServoBus
 from joshua_servo.bus_tools import FoundMotor
 from joshua_servo.errors import MotorCheckFailed, NoReply
 
-LOOKS = 2  # a machine that starts a run may stall for longer than all attempts of a request
+LOOKS = 2  # at each line speed, because one ping may be lost
+COLLISIONS = 3  # of two servos that share an id, because a line may damage a reply
 SCANNED_IDS = range(21)  # ids searched for unknown servos; arms are numbered from 1
 
 
@@ -23,21 +25,24 @@ def check_motors(bus: ServoBus, models: Mapping[int, str]) -> list[FoundMotor]:
     Raises:
         MotorCheckFailed: a servo is missing, shares its id or has another model. The message names each, with
             the expected and found lists, and where the chain breaks.
+        NoReply: the machine is too busy to tell whether a servo is missing.
         PortDisconnected: the port is gone.
     """
     ids = tuple(models)
     seen: dict[int, FoundMotor] = {}
     shared: list[int] = []
-    for _ in range(LOOKS):
-        for servo_id in ids:
-            if servo_id in seen or servo_id in shared:
-                continue
-            corrupt = bus.counters.corrupt
-            try:
-                seen[servo_id] = bus.identify(servo_id)
-            except NoReply:
-                if bus.counters.corrupt - corrupt > bus.retries:
-                    shared.append(servo_id)
+    silent = _silent(bus, ids)
+    for servo_id in ids:
+        if servo_id in silent:
+            continue
+        try:
+            seen[servo_id] = bus.identify(servo_id)
+        except NoReply as error:
+            if not error.is_proof:
+                raise
+            if error.garbled:
+                shared.append(servo_id)
+    shared += [servo_id for servo_id in silent if _collides(bus, servo_id)]
     found = [seen[servo_id] for servo_id in ids if servo_id in seen]
     missing = [servo_id for servo_id in ids if servo_id not in seen and servo_id not in shared]
     wrong = [motor for motor in found if motor.model != models[motor.motor_id]]
@@ -64,6 +69,28 @@ def check_motors(bus: ServoBus, models: Mapping[int, str]) -> list[FoundMotor]:
             ]
         )
     )
+
+
+def _silent(bus: ServoBus, ids: Sequence[int]) -> tuple[int, ...]:
+    """Ids that leave their pings unanswered for as long as the patience with them lasts. Raises NoReply."""
+    patience = Patience(bus.patience_s, period_s=len(ids) * max(LONGEST_WAIT_S, bus.reply_margin_s))
+    silent = tuple(ids)
+    while True:
+        patience.begin()
+        heard = bus.roll_call(silent, bus.wait_s(patience.misses, patience.left_s))
+        silent = tuple(servo_id for servo_id in silent if servo_id not in heard)
+        if not silent:
+            return ()
+        if not patience.miss():
+            break
+    if not patience.is_silent:
+        raise bus.explain("servos do not answer", "", patience)
+    return silent
+
+
+def _collides(bus: ServoBus, servo_id: int) -> bool:
+    """Whether all replies of a servo are broken, because two servos have its id."""
+    return all(bus.is_garbled(servo_id, 0, 2) for _ in range(COLLISIONS))
 
 
 def find_baudrates(bus: ServoBus, ids: Iterable[int]) -> dict[int, list[int]]:

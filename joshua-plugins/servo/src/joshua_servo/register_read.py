@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 
 from joshua_servo.bus import ServoBus
@@ -16,12 +15,12 @@ def read_registers(
     registers: Iterable[Register],
     ids: tuple[int, ...],
     *,
-    within_s: float = math.inf,
+    within_s: float | None = None,
 ) -> dict[int, dict[Register, bytes]]:
     """Bytes of each register by servo id, without servos that do not reply to every request.
 
     Args:
-        within_s: of each request. No retry begins later than this.
+        within_s: of each request, see ``ServoBus.sync_read``.
 
     Raises PortDisconnected.
     """

@@ -10,7 +10,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from joshua.api import DeviceBusy, DeviceError, SafeStopRequest, SafeStopResult, TorqueState
+from joshua.api import (
+    AwakeClock,
+    DeviceBusy,
+    DeviceError,
+    SafeStopRequest,
+    SafeStopResult,
+    TorqueState,
+)
 from joshua_serial.errors import PortDisconnected
 from joshua_serial.port import SerialPort
 from joshua_serial.usb_ports import Endpoint
@@ -25,6 +32,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 RETRY_S = 0.01  # between attempts to open a port that its ending owner still uses
+ROUND_S = 0.06  # for the replies to one round of requests, before they are sent again
 RELEASE_RESERVE_S = 0.15  # of the time for parking, reserved for releasing and verifying
 PADDING = bytes(64)  # longer than any packet of a driver
 ARRIVED_TICKS = 30  # about 2.6°
@@ -42,6 +50,7 @@ class ServoStopRequest(SafeStopRequest):
         grips: joints that may hold an object, by servo id: the squeeze beyond the position in ticks, and the
             value of the torque limit. HOLD keeps the goal that far beyond the position.
         torque_limit: address and width of the register of that limit.
+        echo: whether the adapter echoes sent bytes; None if unknown. Detecting it takes 20 ms.
     """
 
     family: ClassVar[ServoFamily]
@@ -58,6 +67,7 @@ class ServoStopRequest(SafeStopRequest):
     eeprom: Mapping[int, Sequence[StoredRegister]] = field(default_factory=dict)
     grips: Mapping[int, tuple[int, int]] = field(default_factory=dict)
     torque_limit: tuple[int, int] = (0, 0)
+    echo: bool | None = None
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> Self:
@@ -74,7 +84,7 @@ class ServoStopRequest(SafeStopRequest):
 
     def read_torque(self) -> dict[str, bool]:
         """Read which servos have torque, by id. Raises DeviceError, also if one does not reply."""
-        return _SafeStop(self, self.family, self.make_bus, time.monotonic() + self.timeout_s).read_torque()
+        return _SafeStop(self, self.family, self.make_bus).read_torque()
 
 
 @dataclass
@@ -106,10 +116,10 @@ class SafeStopReport:
 def run(request: ServoStopRequest, family: ServoFamily, make_bus: type[ServoBus]) -> SafeStopReport:
     """Open the port, apply the safe state and verify it. Never raises errors of the device.
 
-    Bounded by ``timeout_s`` plus the time of one request to every servo.
+    Bounded by ``timeout_s`` of awake time plus the time of one request to every servo.
     """
     start_s = time.monotonic()
-    stop = _SafeStop(request, family, make_bus, start_s + request.timeout_s)
+    stop = _SafeStop(request, family, make_bus)
     try:
         stop.run()
     except DeviceError as error:
@@ -124,16 +134,16 @@ def run(request: ServoStopRequest, family: ServoFamily, make_bus: type[ServoBus]
 
 
 class _SafeStop:
-    def __init__(
-        self, request: ServoStopRequest, family: ServoFamily, make_bus: type[ServoBus], deadline_s: float
-    ) -> None:
+    def __init__(self, request: ServoStopRequest, family: ServoFamily, make_bus: type[ServoBus]) -> None:
         self.request = request
         self._family = family
         self.report = SafeStopReport(request.action, dict.fromkeys(request.ids, "not verified"))
-        self._deadline_s = deadline_s
+        self._clock = AwakeClock()
+        self._deadline_s = self._clock.now_s() + request.timeout_s
         endpoint = Endpoint(request.path, request.serial_number, request.vid_pid, request.device_root)
         self._port = SerialPort(endpoint, request.baudrate)
-        self._bus = make_bus(self._port, retries=1)
+        self._bus = make_bus(self._port)
+        self._echo = request.echo
 
     def run(self) -> None:
         """Act, and restart if the adapter is disconnected and returns in time."""
@@ -143,6 +153,7 @@ class _SafeStop:
             except PortDisconnected:
                 if not self._time_left():
                     raise
+                self._echo = None  # the adapter that returns can be another one
                 time.sleep(RETRY_S)
             else:
                 return
@@ -153,7 +164,10 @@ class _SafeStop:
         self._port.send(PADDING)
         if self.request.action == "RELEASE":
             self._send_release()  # first of all; an echo of the adapter matters only for reading
-        self._bus.detect_echo()
+        if self._echo is None:
+            self._bus.detect_echo()
+        else:
+            self._bus.echoes = self._echo
         if self.request.action == "HOLD":
             self._hold()
         if self.request.action == "PARK_THEN_RELEASE":
@@ -173,7 +187,8 @@ class _SafeStop:
             self._open_once_free()
             self._port.send(PADDING)
             self._bus.detect_echo()
-            found = self._bus.sync_read(torque.address, torque.width, ids)
+            left_s = max(ROUND_S, self._deadline_s - self._clock.now_s())
+            found = self._bus.sync_read(torque.address, torque.width, ids, within_s=left_s)
         finally:
             self.close()
         if silent := [str(servo_id) for servo_id in ids if servo_id not in found]:
@@ -197,20 +212,20 @@ class _SafeStop:
             try:
                 self._port.open()
             except DeviceError:
-                if time.monotonic() >= self._deadline_s:
+                if not self._time_left():
                     raise
                 time.sleep(RETRY_S)
             else:
                 return
 
     def _time_left(self) -> bool:
-        return time.monotonic() < self._deadline_s
+        return self._clock.now_s() < self._deadline_s
 
     def _states(self, ids: tuple[int, ...]) -> dict[int, tuple[bool, int, int]]:
         """Torque, goal and present position in ticks of the servos that reply."""
         family = self._family
         torque, goal, present = family.torque_enable, family.goal_position, family.present_position
-        found = read_registers(self._bus, family, (torque, goal, present), ids)
+        found = read_registers(self._bus, family, (torque, goal, present), ids, within_s=ROUND_S)
         return {
             servo_id: (
                 torque.decode(values[torque]) != 0,
@@ -245,7 +260,7 @@ class _SafeStop:
         going = {i: ticks for i, ticks in self.request.park_ticks.items() if i in self.report.joints}
         register = self._family.speed
         speed = register.encode(self._family.speed_of(self.request.park_speed_ticks_s))
-        while going and time.monotonic() < deadline_s:
+        while going and self._clock.now_s() < deadline_s:
             states = self._states(tuple(going))
             for servo_id, (torque, _, present) in states.items():
                 if not torque or abs(present - going[servo_id]) <= ARRIVED_TICKS:
@@ -280,7 +295,7 @@ class _SafeStop:
         torque = self._family.torque_enable
         while True:
             self._send_release()
-            found = self._bus.sync_read(torque.address, torque.width, waiting)
+            found = self._bus.sync_read(torque.address, torque.width, waiting, within_s=ROUND_S)
             for servo_id, state in found.items():
                 if torque.decode(state) == 0:
                     self.report.joints[servo_id] = "released"

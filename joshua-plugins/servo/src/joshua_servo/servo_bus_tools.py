@@ -235,14 +235,10 @@ class ServoBusTools(BusTools):
 
     def _describe(self, bus: ServoBus, servo_id: int) -> FoundMotor | None:
         """The data of a servo; None if it no longer replies."""
-        for _ in range(ATTEMPTS):
-            corrupt = bus.counters.corrupt
-            try:
-                return self.read_motor(bus, servo_id)
-            except NoReply:
-                if bus.counters.corrupt - corrupt > bus.retries:
-                    return FoundMotor(servo_id, bus.port.baudrate, shared=True)
-        return None
+        try:
+            return self.read_motor(bus, servo_id)
+        except NoReply as error:
+            return FoundMotor(servo_id, bus.port.baudrate, shared=True) if error.garbled else None
 
     @contextlib.contextmanager
     def _line_speed_kept(self) -> Iterator[None]:

@@ -232,6 +232,13 @@ class ServoSettings(SerialSettings, ActuatorSettings):
             found.append(joint.of_gripper() if is_gripper else joint)
         return tuple(found)
 
+    @property
+    def are_grippers_unknown(self) -> bool:
+        """Whether neither a calibration nor a joint block says which of several joints is a gripper."""
+        if self.calibration is not None or len(self.motor_ids) == 1:
+            return False
+        return all(joint.gripper is None for joint in self.joint)
+
     def register_values(self) -> dict[int, dict[Register, int]]:
         """Register values for the settings of each servo, by id, only for servos with settings."""
         values = {}

@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
-import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 
 from joshua.api.clocks import StampClock
 
 from joshua_servo.bus import ServoBus
-from joshua_servo.errors import NoReply
 from joshua_servo.family import ServoFamily
 from joshua_servo.feedback import Feedback
 
-#: Attempts without time pressure: about as long as the control loop tolerates missing replies.
-SETTLED_ATTEMPTS = 10
-
-#: A control loop without heartbeat for 0.2 s counts as hung. On an idle machine, all retries take less.
+#: Time for the retries of one control cycle. A loop without heartbeat for 0.3 s counts as hung.
 CYCLE_S = 0.06
-
-#: Distance of two requests while servos are silent: requests must not run out of lengths that tell a late
-#: reply to one of them from the reply to another (see ``bus``), for as long as a node bears a silence.
-SILENT_PERIOD_S = 0.08
 
 #: Positions further apart than this plus the wire time are read again, because one stamp would be wrong for
 #: all.
@@ -50,8 +40,6 @@ class StateReader:
         self._parse = parse
         self._stamps = StampClock()
         self._missed = False
-        self._next_s = 0.0
-        self._reason = ""
 
     @property
     def missed(self) -> bool:
@@ -59,31 +47,22 @@ class StateReader:
         return self._missed
 
     def settled_feedback(self) -> list[Feedback]:
-        """Feedback without time pressure, for a machine that may stall during the start of a run.
-
-        Raises NoReply and PortDisconnected.
-        """
-        for _ in range(SETTLED_ATTEMPTS - 1):
-            with contextlib.suppress(NoReply):
-                return self.feedback()[0]
-            self._missed = False
-        return self.feedback()[0]
+        """Feedback without time pressure. Raises NoReply and PortDisconnected."""
+        address, length = self._family.feedback
+        return self._parse(self._all(self._bus.sync_read(address, length, self._ids)))
 
     def feedback(self) -> tuple[list[Feedback], int]:
         """Feedback in joint order, and its time in ns since the epoch.
 
-        A servo that did not reply gets only one attempt per call, because the control loop must not wait.
-        Delayed replies are read again, so that the time applies to all positions; the faster reading counts.
-        Raises NoReply and PortDisconnected.
+        For a control loop, which must not wait and judges how long servos may be silent. Delayed replies are
+        read again, so that the time applies to all positions; the faster reading counts. Raises NoReply and
+        PortDisconnected.
         """
-        if self._missed and time.monotonic() < self._next_s:
-            raise NoReply(self._reason)
-        found, stamp_ns, spread_ns = self._timed(retries=0 if self._missed else None)
+        found, stamp_ns, spread_ns = self._timed(CYCLE_S)
         self._missed = len(found) < len(self._ids)
-        self._next_s = time.monotonic() + SILENT_PERIOD_S
         values = self._all(found)
         if spread_ns > COHERENT_NS and spread_ns > COHERENT_NS + self._wire_ns():
-            again, again_ns, again_spread_ns = self._timed(retries=0)
+            again, again_ns, again_spread_ns = self._timed(0.0)
             if len(again) == len(self._ids) and again_spread_ns < spread_ns:
                 values, stamp_ns = self._all(again), again_ns
         return self._parse(values), stamp_ns
@@ -93,11 +72,11 @@ class StateReader:
         size = self._family.feedback[1] + self._bus.reply_overhead
         return round(self._bus.port.wire_time_s(size * len(self._ids)) * 1e9)
 
-    def _timed(self, *, retries: int | None) -> tuple[dict[int, bytes], int, int]:
+    def _timed(self, within_s: float) -> tuple[dict[int, bytes], int, int]:
         """Feedback of the servos that reply, the middle of the reading's duration, and that duration."""
         address, length = self._family.feedback
         before_ns = self._stamps.now_ns()
-        found = self._bus.sync_read(address, length, self._ids, retries=retries, within_s=CYCLE_S)
+        found = self._bus.sync_read(address, length, self._ids, within_s=within_s)
         spread_ns = self._stamps.now_ns() - before_ns
         return found, before_ns + spread_ns // 2, spread_ns
 
@@ -127,10 +106,9 @@ class StateReader:
         missing = [servo_id for servo_id in self._ids if servo_id not in values]
         if not missing:
             return [values[servo_id] for servo_id in self._ids]
-        port = self._bus.port
         if len(missing) == len(self._ids):
-            self._reason = f"{port}: no servo answers. Check the supply and the cable to the first servo."
-            raise NoReply(self._reason)
+            remedy = "Check the supply and the cable to the first servo."
+            raise self._bus.no_reply("no servo answers", remedy)
         names = ", ".join(f"{self._names[servo_id]} (id {servo_id})" for servo_id in missing)
         first = self._ids.index(missing[0])
         broken = (
@@ -138,5 +116,4 @@ class StateReader:
             if missing == list(self._ids[first:])
             else ""
         )
-        self._reason = f"{port}: {names} no longer answers{broken}. Check cable and supply."
-        raise NoReply(self._reason)
+        raise self._bus.no_reply(f"{names} no longer answers{broken}", "Check cable and supply.")

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 
-from joshua.api import DeviceError
+from joshua.api import DeviceError, Patience
 
 from joshua_servo.bus import ServoBus
 from joshua_servo.errors import NoReply
@@ -13,7 +12,8 @@ from joshua_servo.family import ServoFamily
 from joshua_servo.register import Register
 from joshua_servo.register_read import read_registers
 
-ATTEMPTS = 3
+ATTEMPTS = 3  # of a write without a reply, which may be lost
+ROUND_S = 0.06  # for reading back the torque, before it is switched off again
 LAPSE_S = 0.0  # no retries, because this check between control cycles is repeated anyway
 
 #: Register values of a move without the goal.
@@ -69,9 +69,11 @@ class TorqueSwitch:
             }
             if not rows:
                 return
+            if any(servo_id not in found for servo_id in rows):
+                break  # silent: the patience with it has ended
         self.switch_off(only)
         raise DeviceError(
-            f"{self._bus.port}: {self._list(rows)} did not take goal and torque in {ATTEMPTS} attempts. "
+            f"{self._bus.port}: {self._list(rows)} did not take goal and torque. "
             f"The torque of {'all joints' if only is None else 'this joint'} is off. Check the supply "
             "voltage and run `joshua doctor`."
         )
@@ -82,12 +84,16 @@ class TorqueSwitch:
         self._kept = {servo_id: row for servo_id, row in self._kept.items() if servo_id not in ids}
         torque = self._family.torque_enable
         waiting = ids
-        for _ in range(ATTEMPTS):
+        patience = Patience(self._bus.patience_s, period_s=self._bus.reply_margin_s)
+        while True:
+            patience.begin()
             self._bus.sync_write(torque.address, torque.width, dict.fromkeys(ids, self._off))
-            found = self._bus.sync_read(torque.address, torque.width, waiting)
+            found = self._bus.sync_read(torque.address, torque.width, waiting, within_s=ROUND_S)
             waiting = tuple(servo_id for servo_id in waiting if found.get(servo_id) != self._off)
             if not waiting:
                 return
+            if not patience.miss():
+                break
         raise NoReply(
             f"{self._bus.port}: {self._list(waiting)} does not confirm that its torque is off. Cut the "
             "arm's supply by hand if it still holds."
@@ -98,7 +104,9 @@ class TorqueSwitch:
         torque = self._family.torque_enable
         found = self._bus.sync_read(torque.address, torque.width, self._ids)
         if silent := [servo_id for servo_id in self._ids if servo_id not in found]:
-            raise NoReply(f"{self._bus.port}: {self._list(silent)} does not report its torque.")
+            raise self._bus.no_reply(
+                f"{self._list(silent)} does not report its torque", "Check cable and supply."
+            )
         return {self._names[i]: torque.decode(found[i]) != 0 for i in self._ids}
 
     def lapsed(self) -> str:
@@ -116,7 +124,7 @@ class TorqueSwitch:
                 lapsed.append(servo_id)
         return self._list(lapsed)
 
-    def _states(self, within_s: float = math.inf) -> dict[int, dict[Register, bytes]]:
+    def _states(self, within_s: float | None = None) -> dict[int, dict[Register, bytes]]:
         """Torque and the registers of a move."""
         registers = (self._family.torque_enable, *self._family.moves)
         return read_registers(self._bus, self._family, registers, self._ids, within_s=within_s)

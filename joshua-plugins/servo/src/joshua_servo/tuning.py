@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping
 from joshua.api import DeviceError
 
 from joshua_servo.bus import ServoBus
-from joshua_servo.errors import NoReply
 from joshua_servo.family import ServoFamily
 from joshua_servo.register import Register
 from joshua_servo.register_read import read_registers
@@ -46,9 +45,9 @@ class Tuning:
             return
         found = read_registers(self._bus, self._family, registers, tuple(self._values))
         if silent := [servo_id for servo_id in self._values if servo_id not in found]:
-            raise NoReply(
-                f"{self._bus.port}: no reply from ids {', '.join(map(str, silent))} to a read of their "
-                "settings. Check cable and supply."
+            listed = ", ".join(map(str, silent))
+            raise self._bus.no_reply(
+                f"ids {listed} do not answer a read of their settings", "Check cable and supply."
             )
         for servo_id, row in self._values.items():
             held = {register: register.decode(found[servo_id][register]) for register in row}

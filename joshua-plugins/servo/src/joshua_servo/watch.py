@@ -9,6 +9,8 @@ from joshua_servo.feedback import Feedback
 from joshua_servo.status_bits import StatusBits
 
 CONSECUTIVE_SAMPLES = 3  # the voltage dips briefly when several joints start together
+MOST_SAMPLES = 30  # before torque, after which a value that is wrong now and then counts as wrong
+SAMPLE_PAUSE_S = 0.02  # between samples outside a control loop, as in a loop of 50 Hz
 TEMPERATURE_MARGIN_C = 10  # from this value to the limit is a warning
 
 
@@ -38,6 +40,11 @@ class HealthWatch:
     def reset(self) -> None:
         """Reset the counters."""
         self._voltage_samples = [0] * len(self._names)
+
+    @property
+    def undecided(self) -> bool:
+        """Whether the samples so far neither trip nor show that every value is within its limits."""
+        return any(self._voltage_samples)
 
     def is_overload_alone(self, reading: Feedback) -> bool:
         """Whether a servo reports an overload and no other fault."""

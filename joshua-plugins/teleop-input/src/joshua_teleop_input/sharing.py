@@ -89,7 +89,8 @@ class GamepadShare:
         self.cut_off()
         if self._listener.fileno() >= 0:
             self._listener.close()
-            self.path.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # a file system that has become read-only
+                self.path.unlink(missing_ok=True)
 
     def _accept(self, now: Capabilities) -> None:
         with contextlib.suppress(BlockingIOError):

@@ -8,6 +8,7 @@ import fcntl
 import json
 import os
 import platform
+import re
 import shutil
 import subprocess
 import time
@@ -16,6 +17,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from joshua.api.files import NO_SPACE, Files
 from joshua.tools import parse_json
 
 #: Number of checkpoints kept beside the one being written.
@@ -33,11 +35,12 @@ RECORDED = (
 )
 
 
+#: Hidden names of runs and checkpoints that are being removed or written.
+_LEFTOVER = re.compile(r"\.(.+)\.part")
+_CHECKPOINT = re.compile(r"step_\d{12}")
+
 #: How long a process that was killed may still have its run.
 ENDING_S = 5.0
-
-#: Errors of a disk without free space.
-_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class RunError(Exception):
@@ -59,7 +62,7 @@ def unwritable(path: Path, error: OSError, then: str = "") -> RunError:
         then: what to do after that, such as ``, and start again``.
     """
     remedy = "create it again" if error.errno == errno.ENOENT else "make it writable"
-    if error.errno in _FULL:
+    if error.errno in NO_SPACE:
         remedy = "free some space"
     return RunError(f"{path} cannot be written: {error.strerror or error}: {remedy}{then}")
 
@@ -196,7 +199,7 @@ class RunFolder:
         """
         path = self.path / name
         try:
-            _durable(path, content)
+            Files().write(path, content)
         except OSError as error:
             raise unwritable(path, error) from error
         return path
@@ -270,11 +273,15 @@ class RunFolder:
         try:
             draft.mkdir(parents=True)
             write(draft)
+            files = Files()
             for path in sorted(draft.rglob("*")):
-                _sync(path)
-            _sync(draft)
-            draft.rename(final)
-            _sync(folder)
+                if path.is_dir():
+                    files.sync_folder(path)
+                else:
+                    files.sync(path)
+            files.sync_folder(draft)
+            files.replace(draft, final)
+            files.sync_folder(folder)
         except OSError as error:
             shutil.rmtree(draft, ignore_errors=True)
             raise unwritable(final, error, f", and {self.then}") from error
@@ -285,11 +292,36 @@ class RunFolder:
 
 
 def discard(folder: Path) -> None:
-    """Remove a folder; until then, whatever has its name is complete. Raises OSError."""
-    hidden = folder.with_name(f".{folder.name}.part")
-    shutil.rmtree(hidden, ignore_errors=True)
-    folder.rename(hidden)
+    """Remove a folder; until then, whatever has its name is complete. Raises OSError.
+
+    What a kill leaves has another name, see ``leftovers``.
+    """
+    hidden = folder
+    if not is_leftover(folder):
+        hidden = folder.with_name(f".{folder.name}.part")
+        shutil.rmtree(hidden, ignore_errors=True)
+        folder.rename(hidden)
+    if (hidden / "run.json").exists():  # it shows what this was, until nothing else is left
+        for path in hidden.iterdir():
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path)
+            elif path.name != "run.json":
+                path.unlink()
     shutil.rmtree(hidden)
+
+
+def is_leftover(folder: Path) -> bool:
+    """Return whether a folder is what a kill has left of a removal, or of a checkpoint that was written."""
+    found = _LEFTOVER.fullmatch(folder.name)
+    if found is None or folder.is_symlink() or not folder.is_dir():
+        return False
+    is_checkpoint = _CHECKPOINT.fullmatch(found[1]) is not None
+    return is_checkpoint or (folder / "run.json").is_file() or not any(folder.iterdir())
+
+
+def leftovers(folder: Path) -> list[Path]:
+    """Return what kills have left in a folder of runs or of checkpoints."""
+    return sorted(path for path in folder.glob(".*.part") if is_leftover(path))
 
 
 def refuse_other(before: Mapping[str, Any], wanted: Mapping[str, Any], free: Collection[str]) -> None:
@@ -378,20 +410,3 @@ def _json(path: Path) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise RunError(f"{path} contains no JSON object: choose another run")
     return content
-
-
-def _durable(path: Path, content: bytes) -> None:
-    draft = path.with_name(f".{path.name}.part")
-    with draft.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    draft.replace(path)
-
-
-def _sync(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

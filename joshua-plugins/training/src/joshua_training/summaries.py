@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 import stat
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from joshua.tools import parse_json
 
-from joshua_training.run_folder import RunError, RunFolder, discard
+from joshua_training.run_folder import RunError, RunFolder, discard, leftovers
 from joshua_training.statistics import Difference, paired
 
 #: Result file of an evaluation beside ``run.json``, and its kind there.
@@ -196,6 +196,10 @@ def compared_episodes(first: RunFolder, second: RunFolder) -> dict[str, Differen
     }
 
 
+#: Reason of a removal that an earlier one began.
+_LEFT = "left by an interrupted removal"
+
+
 @dataclass(frozen=True)
 class Removal:
     """Something that pruning removes: a whole run or one checkpoint of it."""
@@ -213,27 +217,44 @@ def removals(
     older_than_s: float | None = None,
     empty: bool = False,
     now_s: float | None = None,
+    left_alone: Callable[[RunFolder, str], None] = lambda run, why: None,
 ) -> Iterator[Removal]:
     """Yield what pruning would remove. Runs that are in use, or changed within ``QUIET_S``, are left alone.
+
+    So are runs of which anything cannot be read: their age and their content are unknown.
 
     Args:
         keep_checkpoints: number of newest ones to keep in each run; older_than_s: remove runs unchanged for
             longer; empty: remove runs with neither a checkpoint nor results.
+        left_alone: called with a run that cannot be read, and why.
     """
     now_s = time.time() if now_s is None else now_s
     for run in runs:
+        if problem := _unreadable(run.path):
+            left_alone(run, problem)
+            continue
         summary = summarise(run)
         age_s = now_s - summary.changed_s
         if age_s < QUIET_S or _is_used(run):
             continue
         if older_than_s is not None and age_s > older_than_s:
             yield Removal(run, run.path, f"unchanged for {age_s / 86400:.0f} days", summary.bytes)
-        elif empty and not summary.checkpoints and not (run.path / RESULTS).is_file():
+            continue
+        if empty and not summary.checkpoints and not (run.path / RESULTS).is_file():
             yield Removal(run, run.path, "no checkpoint and no results", summary.bytes)
-        elif keep_checkpoints is not None:
+            continue
+        for path in leftovers(run.path / "checkpoints"):
+            yield Removal(run, path, _LEFT, _size(path))
+        if keep_checkpoints is not None:
             whole = run.checkpoints()
             for path in whole[: max(0, len(whole) - keep_checkpoints)]:
                 yield Removal(run, path, "older checkpoint", _size(path))
+
+
+def removals_left(parent: Path) -> Iterator[Removal]:
+    """Yield what removals of runs that were killed have left in a folder of runs."""
+    for path in leftovers(parent):
+        yield Removal(RunFolder(path), path, _LEFT, _size(path))
 
 
 def remove(removal: Removal) -> None:
@@ -249,6 +270,28 @@ def remove(removal: Removal) -> None:
         raise RunError(f"{removal.path} cannot be removed: {error.strerror}") from error
     finally:
         removal.run.unlock()
+
+
+def _unreadable(folder: Path) -> str:
+    """Return why a folder cannot be read as a whole; "" if it can."""
+
+    def refuse(error: OSError) -> None:
+        if not isinstance(error, FileNotFoundError):  # a training removes files meanwhile
+            raise error
+
+    try:
+        for place, _, names in os.walk(folder, onerror=refuse):
+            for name in names:
+                try:
+                    os.lstat(os.path.join(place, name))  # noqa: PTH118
+                except FileNotFoundError:
+                    continue
+            for name in (RESULTS, "run.json"):
+                if name in names and Path(place) == folder:
+                    Path(place, name).read_bytes()
+    except OSError as error:
+        return f"{error.filename or folder} cannot be read: {error.strerror}"
+    return ""
 
 
 def _is_used(run: RunFolder) -> bool:

@@ -175,3 +175,23 @@ def test_the_data_set_of_imitation_learning(store: str, name: str, codes: list[s
         f'imitation_config {{ dataset_name: "{name}" }} }} }}'
     )
     assert [item.code for item in examine(tmp_path / "robot.pbtxt", text)] == codes
+
+
+def test_a_private_key_that_others_can_read_is_a_warning(tmp_path: Path) -> None:
+    for name in ("ca.pem", "robot.pem", "robot.key"):
+        (tmp_path / name).write_text("")
+        (tmp_path / name).chmod(0o644)
+    text = """transport {
+      kind: TRANSPORT_ZENOH listen_endpoints: "tls/0.0.0.0:7447"
+      tls { root_ca_file: "ca.pem" certificate_file: "robot.pem" private_key_file: "robot.key" }
+    }"""
+    (found,) = examine(tmp_path / "robot.pbtxt", text)
+    assert (found.code, found.severity) == ("private-key-readable", Severity.WARNING)
+    assert found.message == (
+        "Every user of this machine can read the private key and command the robot with it: "
+        f"{tmp_path / 'robot.key'} has mode 0644."
+    )
+    assert found.remedy == f"Run chmod 600 {tmp_path / 'robot.key'}."
+    for mode in (0o600, 0o640):
+        (tmp_path / "robot.key").chmod(mode)
+        assert examine(tmp_path / "robot.pbtxt", text) == []

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.options import add_config_options, add_timeout
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from joshua.cli.estop import EstopTarget
+    from joshua.guardian.energised import EnergisedRecord
     from joshua.guardian.latch import EstopReport, LatchFolder
 
     Latches = Mapping[Path, LatchFolder]
@@ -25,6 +27,20 @@ STARTING_S = 2.0
 #: … and within this one its actuators can be latched, before they have torque.
 STARTED_S = 30.0
 POLL_S = 0.05
+
+
+class Outcome(NamedTuple):
+    """What an e-stop did to the actuators of one system or file.
+
+    Attributes:
+        title: of the system; reports: on its actuators.
+        roads: of the e-stop, and what happened on each; lasting: whether the torque stays off.
+    """
+
+    title: str
+    reports: list[EstopReport]
+    roads: list[tuple[str, str]]
+    lasting: bool
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,12 +80,10 @@ def stop(latches: Latches, args: argparse.Namespace) -> int:
     systems = _systems(latches, word)
     if not systems and Path(word).is_file():
         return stop_file(latches, args)
-    left = None if systems else stop_left(latches, word)
-    if not systems and not (word and left is not None):
+    left = [] if systems else reach_left(latches, word)
+    if not systems and not (word and left):
         systems = _starting(latches, word)
-    if not systems and left is not None:
-        return left
-    if not systems:
+    if not systems and not left:
         known = _systems(latches, "")
         problem = f"{word} is neither a running system nor a file" if word else "no system is running"
         sys.stderr.write(
@@ -78,58 +92,56 @@ def stop(latches: Latches, args: argparse.Namespace) -> int:
         )
         sys.stderr.writelines(f"  {item.info.process_id}  {item.info.source}\n" for item in known)
         return ExitCode.INVALID if known else ExitCode.FAILED
-    code = stop_systems(systems, latches, args.timeout)
-    if not word and (late := _started_beside(latches, systems)):
-        code = stop_systems(late, latches, args.timeout) or code
-    if not word and left is None:
-        left = stop_left(latches, "")
-    return code or left or ExitCode.OK
+    outcomes = left + reach_systems(systems, latches, args.timeout)
+    if not word and not left:
+        outcomes += reach_left(latches, "")
+    code = _show(outcomes)  # after every actuator was reached, because output may fail
+    if not word and systems and (late := _started_beside(latches, systems)):
+        code = _show(reach_systems(late, latches, args.timeout)) or code
+    return code
 
 
-def stop_systems(systems: list[EstopTarget], latches: Latches, timeout_s: float) -> int:
+def reach_systems(systems: list[EstopTarget], latches: Latches, timeout_s: float) -> list[Outcome]:
     """Latch every e-stop first, then wait for each system."""
-    from joshua.cli.energised import forget_released
-    from joshua.cli.estop import set_latch
-
-    latched = []
     for system in systems:
-        info = system.info
-        latch = set_latch(latches, system.base, info.robot, info.source, info.domain_id, info.actuators)
-        latched.append((system, latch))
-    good = True
-    for system, latch in latched:
-        info = system.info
-        problem = system.notify()
-        reports = system.wait(latch, latches[system.base], timeout_s)
-        forget_released(latches, info.source, reports)
-        good &= _show(f"{info.source} (process {info.process_id})", reports)
-        if problem:
-            sys.stderr.write(
-                f"the supervisor, process {info.process_id}, does not answer ({problem}): drivers and "
-                "guardians were reached without it\n"
-            )
-    return _end(good)
+        system.begin(latches, timeout_s)
+    reached = [(system, system.reports()) for system in systems]
+    from joshua.cli.energised import forget_released
+
+    outcomes = []
+    for system, reports in reached:
+        forget_released(latches, system.info.source, reports)
+        title = f"{system.info.source} (process {system.info.process_id})"
+        outcomes.append(Outcome(title, reports, system.roads(), system.stays_off))
+    return outcomes
 
 
-def stop_left(latches: Latches, word: str) -> ExitCode | None:
+def reach_left(latches: Latches, word: str) -> list[Outcome]:
     """Latch and release the actuators that runs left with torque, all or those of a file.
 
-    Returns None if none is known. They are reached as their drivers reached them, whatever their files say
-    meanwhile.
+    They are reached as their drivers reached them, whatever their files say meanwhile.
     """
-    from joshua.cli.energised import recorded, release_recorded
-    from joshua.cli.estop import set_latch
+    from joshua.cli.energised import recorded
 
     path = os.path.abspath(word)  # noqa: PTH100 (links stay as they are)
-    records = [record for _, record in recorded(latches) if not word or record.source == path]
-    good = True
-    for robot, source, domain_id in dict.fromkeys(
-        (item.robot, item.source, item.domain_id) for item in records
-    ):
-        own = [item for item in records if (item.robot, item.source) == (robot, source)]
-        latch = set_latch(latches, next(iter(latches)), robot, source, domain_id, [item.node for item in own])
-        good &= _show(f"{source} (not running)", release_recorded(latches, latch, own))
-    return _end(good) if records else None
+    files: dict[tuple[str, str, int], list[EnergisedRecord]] = {}
+    for _, record in recorded(latches):
+        if not word or record.source == path:
+            files.setdefault((record.robot, record.source, record.domain_id), []).append(record)
+    return [_reach_recorded(latches, records) for records in files.values()]
+
+
+def _reach_recorded(latches: Latches, records: list[EnergisedRecord]) -> Outcome:
+    """Latch and release the recorded actuators of one file."""
+    from joshua.cli.energised import release_recorded
+    from joshua.cli.estop import set_latch
+
+    first = records[0]
+    nodes = [record.node for record in records]
+    latched = set_latch(latches, next(iter(latches)), first.robot, first.source, first.domain_id, nodes)
+    reports = release_recorded(latches, latched.latch, records)
+    roads = [("latch", latched.detail), ("device", "opened here")]
+    return Outcome(f"{first.source} (not running)", reports, roads, latched.stored)
 
 
 def stop_file(latches: Latches, args: argparse.Namespace) -> int:
@@ -138,7 +150,7 @@ def stop_file(latches: Latches, args: argparse.Namespace) -> int:
     Actuators that its last run left with torque are reached as their drivers reached them, even if the file
     is invalid meanwhile. A run of the same robot under another file is stopped instead.
     """
-    from joshua.cli.energised import forget_released, recorded, release_recorded
+    from joshua.cli.energised import forget_released, recorded
     from joshua.cli.estop import release_offline, set_latch
     from joshua.cli.report import exit_code_of, request_of, show_findings
     from joshua.guardian.latch import Subject
@@ -147,17 +159,12 @@ def stop_file(latches: Latches, args: argparse.Namespace) -> int:
     from joshua.planner.request import Purpose
 
     source = os.path.abspath(args.config)  # noqa: PTH100 (links stay as they are)
-    left = [record for _, record in recorded(latches) if record.source == source and record.implementation]
-    reports: dict[str, EstopReport] = {}
-    if left:
-        first = left[0]
-        nodes = [record.node for record in left]
-        latch = set_latch(latches, next(iter(latches)), first.robot, source, first.domain_id, nodes)
-        reports = {report.node: report for report in release_recorded(latches, latch, left)}
+    records = [record for _, record in recorded(latches) if record.source == source and record.implementation]
+    left = _reach_recorded(latches, records) if records else None
     result = examine(request_of(args, Purpose.SHOW))
     plan = result.plan
-    if plan is None and left:
-        return _end(_show(f"{source} (not running)", list(reports.values())))
+    if plan is None and left is not None:
+        return _show([left])
     if plan is None:
         show_findings(result, args.format)
         sys.stderr.write("joshua estop: the file is invalid, so nothing was stopped\n")
@@ -167,23 +174,24 @@ def stop_file(latches: Latches, args: argparse.Namespace) -> int:
     subjects = [Subject(plan.robot_id, domain_id, spec.full_name) for spec in specs]
     same = [system for system in _systems(latches, "") if any(map(system.concerns, subjects))]
     if same:
-        return stop_systems(same, latches, args.timeout)
+        return _show(reach_systems(same, latches, args.timeout))
     nodes = [spec.full_name for spec in specs]
-    latch = set_latch(latches, next(iter(latches)), plan.robot_id, source, domain_id, nodes)
+    latched = set_latch(latches, next(iter(latches)), plan.robot_id, source, domain_id, nodes)
+    reports = {} if left is None else {report.node: report for report in left.reports}
     for spec in specs:
         report = reports.get(spec.full_name)
         if report is None or not report.complete or args.overrides:
-            reports[spec.full_name] = release_offline(spec, latch)
+            reports[spec.full_name] = release_offline(spec, latched.latch)
     forget_released(latches, source, reports.values())
-    return _end(_show(f"{source} (not running)", list(reports.values())))
+    roads = [("latch", latched.detail), ("device", "opened here")]
+    return _show([Outcome(f"{source} (not running)", list(reports.values()), roads, latched.stored)])
 
 
 def release(latches: Latches, word: str) -> int:
     """Release one e-stop; the user says which if there are several."""
     standing = [latch for folder in latches.values() for latch in folder.all()]
     if not standing:
-        sys.stdout.write("no e-stop is latched\n")
-        return ExitCode.OK
+        return release_held(_systems(latches, word))
     path = os.path.abspath(word)  # noqa: PTH100 (links stay as they are)
     chosen = [item for item in standing if not word or word == item.robot or path == item.source]
     if len({(item.robot, item.source, item.domain_id) for item in chosen}) != 1:
@@ -192,16 +200,36 @@ def release(latches: Latches, word: str) -> int:
         listing = dict.fromkeys(f"  {item.source or item.robot}  since {item.since}\n" for item in standing)
         sys.stderr.writelines(listing)
         return ExitCode.INVALID
+    problems = []
     for latch in chosen:  # one per base, and more if two commands latched a robot at the same moment
         for folder in latches.values():
-            folder.clear(latch)
+            try:
+                folder.clear(latch)
+            except OSError as error:
+                problems.append(f"{folder.path}: {error.strerror or error}")
+    if problems:
+        sys.stderr.write(
+            f"joshua estop --release: the e-stop is still latched: {'; '.join(problems)}. Make the folder "
+            "writable, then run: joshua estop --release\n"
+        )
+        return ExitCode.FAILED
     for system in _systems(latches, ""):
-        if system.info.robot == chosen[0].robot:
-            system.notify(released=True)
-    sys.stdout.write(
-        f"released: {chosen[0].source or chosen[0].robot}\n"
-        "Torque is still off. Run `joshua resume NODE` to re-enable it.\n"
-    )
+        if system.info.robot == chosen[0].robot or not chosen[0].has_content:
+            system.release()
+    return _released(chosen[0].source or chosen[0].robot)
+
+
+def release_held(systems: list[EstopTarget]) -> int:
+    """Release e-stops that are no files, which supervisors remember."""
+    held = [system for system in systems if system.release(held_only=True)]
+    if not held:
+        sys.stdout.write("no e-stop is latched\n")
+        return ExitCode.OK
+    return _released(", ".join(system.info.source for system in held))
+
+
+def _released(what: str) -> ExitCode:
+    sys.stdout.write(f"released: {what}\nTorque is still off. Run `joshua resume NODE` to re-enable it.\n")
     return ExitCode.OK
 
 
@@ -211,10 +239,13 @@ def _systems(latches: Latches, word: str) -> list[EstopTarget]:
     from joshua.ipc.client import all_systems
 
     path = os.path.abspath(word)  # noqa: PTH100 (links stay as they are)
+    found = []
+    for base in latches:
+        with contextlib.suppress(OSError):  # a folder that cannot be read must not keep the others running
+            found += all_systems(base)
     return [
         EstopTarget(folder, info)
-        for base in latches
-        for folder, info in all_systems(base)
+        for folder, info in found
         if not word or word in (info.source, str(info.process_id)) or path == info.source
     ]
 
@@ -246,14 +277,19 @@ def _started_beside(latches: Latches, stopped: list[EstopTarget]) -> list[EstopT
     return [item for item in _systems(latches, "") if item.info.process_id not in process_ids(stopped)]
 
 
-def _show(title: str, reports: list[EstopReport]) -> bool:
+def _show(outcomes: list[Outcome]) -> ExitCode:
     from joshua.cli.estop import lines
 
-    sys.stdout.write(f"e-stop latched: {title}\n")
-    sys.stdout.writelines(f"{line}\n" for line in lines(reports))
-    return all(report.complete for report in reports)
-
-
-def _end(good: bool) -> ExitCode:
-    sys.stdout.write("Torque stays off until you run: joshua estop --release\n")
+    for outcome in outcomes:
+        latched = "latched" if outcome.lasting else "not latched"
+        sys.stdout.write(f"e-stop {latched}: {outcome.title}\n")
+        sys.stdout.writelines(f"{line}\n" for line in lines(outcome.reports, outcome.roads))
+    if all(outcome.lasting for outcome in outcomes):
+        sys.stdout.write("Torque stays off until you run: joshua estop --release\n")
+    else:
+        sys.stdout.write(
+            "The e-stop does not last: a start or `joshua resume` enables torque. Make the folder of the "
+            "latch writable, then run: joshua estop\n"
+        )
+    good = all(report.complete for outcome in outcomes for report in outcome.reports)
     return ExitCode.OK if good else ExitCode.HARDWARE

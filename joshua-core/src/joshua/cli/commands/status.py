@@ -34,10 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Show the status of running systems; exit code 0, 1 if one does not answer or the file does not run."""
     from joshua.cli.energised import left_energised, left_lines
-    from joshua.guardian.latch import LatchFolder
+    from joshua.guardian.latch import LatchFolder, latch_folder
     from joshua.ipc.client import CallError
     from joshua.ipc.run_bases import base_directories
-    from joshua.supervisor.run_directory import latch_folder
 
     as_json = args.format == "json"
     try:
@@ -163,7 +162,10 @@ def _lines(info: RunInfo, status: RunStatus) -> list[str]:
     for node in status.nodes:
         again = f"[{node.restarts} restart{'s' * (node.restarts > 1)}]"
         told = [Cell(again)] * bool(node.restarts)
-        told += node_cells(node, full_topics=True)[1:] if node.state == "ready" else []
+        if node.state == "ready":
+            told += node_cells(node, full_topics=True)[1:]
+        elif node.state == "fault":  # its state has a column of its own
+            told += node_cells(node)[2:]
         first, *rest = told or [Cell("")]
         rows.append((f"  {node.full_name}", state_cell(node), str(node.process_id), first))
         rows += [("", "", "", cell) for cell in rest]

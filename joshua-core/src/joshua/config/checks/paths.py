@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -94,6 +95,8 @@ def _field(
         yield from _packaged_model(context, path, place, is_packaged(value))
     elif facts.kind == rules.KIND_INPUT_FILE:
         yield from _input_file(context, path, place, _LABELS.get(facts.name, facts.name.replace("_", " ")))
+        if facts.name == "private_key_file":
+            yield from _private_key(context, path, place)
     elif facts.kind == rules.KIND_SOURCE and facts.named_by(value)[0] == rules.NAMES_FILE:
         yield from _input_file(context, path, place, "video file")
     elif facts.kind == rules.KIND_MODEL and not _exists(place) and not _is_hub_id(context, path, value):
@@ -139,6 +142,21 @@ def _input_file(
         message = f"This user may not read the {label}"
         remedy = f"Change the permissions of {place}"
         yield context.missing("input-file-unreadable", message, path, remedy=remedy)
+
+
+def _private_key(context: Context, path: str, place: Path) -> Iterator[Diagnostic]:
+    try:
+        mode = place.stat().st_mode
+    except OSError:  # reported as missing
+        return
+    if stat.S_ISREG(mode) and mode & stat.S_IROTH:
+        yield context.warning(
+            "private-key-readable",
+            f"Every user of this machine can read the private key and command the robot with it: {place} has "
+            f"mode {stat.S_IMODE(mode):04o}",
+            path,
+            remedy=f"Run chmod 600 {place}",
+        )
 
 
 def _is_hub_id(context: Context, path: str, value: str) -> bool:

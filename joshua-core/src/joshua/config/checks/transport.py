@@ -18,7 +18,7 @@ PROTOCOLS = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 SECURE_PROTOCOLS = ("tls", "quic")
 _HOST = r"[A-Za-z0-9*]([A-Za-z0-9_.*-]*[A-Za-z0-9])?"
 _LOOPBACK_NAMES = ("localhost", "ip6-localhost", "localhost.localdomain")
-_ZENOH_FIELDS = ("listen_endpoints", "connect_endpoints", "tls")
+_ZENOH_FIELDS = ("listen_endpoints", "connect_endpoints", "tls", "open_to_local_users")
 _DDS_FIELDS = ("network_interface", "peers")
 
 
@@ -52,6 +52,13 @@ def check(context: Context) -> Iterator[Diagnostic]:
                     path,
                     allowed=(f'"tls/{place}"', f'"tcp/localhost:{endpoint.port}"'),
                 )
+        if transport.open_to_local_users:
+            yield context.warning(
+                "transport-open-locally",
+                "Every user of this machine can command the robot and call every service of its nodes",
+                "transport.open_to_local_users",
+                allowed=("false",),
+            )
     if transport.kind != pb.TRANSPORT_ZENOH:
         yield from _dds(context, transport)
 

@@ -1,4 +1,4 @@
-"""Zenoh configurations of a node's session and of a router, made from the transport settings."""
+"""Zenoh configurations of sessions and routers, made from the transport settings."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import json
 import logging
 import os
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import zenoh
 from joshua.plan import TransportSettings
 from joshua.transport.transports import TransportError
 from joshua.transport.zenoh.endpoints import Endpoint, read_endpoint
+from joshua.transport.zenoh.meeting import own_socket, router_socket, unix_endpoint
 
 _log = logging.getLogger("joshua.transport")
 
@@ -29,6 +31,36 @@ _ALONE: dict[str, Any] = {
     "connect/endpoints": [],
     "scouting/gossip/enabled": False,
     "scouting/delay": 0,
+}
+
+#: A session with these settings has no other sockets than UNIX sockets.
+_PRIVATE: dict[str, Any] = {"transport/link/protocols": ["unixsock-stream"]}
+
+# `**` matches no part that begins with @, so these are named: of ROS 2, of JOSHUA's nodes, of caches for late
+# joiners, and of Zenoh itself.
+_KEYS = ("**", "@ros2_lv/**", "@joshua_node/**", "@joshua_alive/**", "**/@adv/**", "@/**")
+_WATCH_ONLY: dict[str, Any] = {
+    "enabled": True,
+    "default_permission": "allow",
+    "rules": [
+        {
+            "id": "no-commands",
+            "permission": "deny",
+            "flows": ["ingress"],
+            "messages": ["put", "delete", "declare_queryable", "reply", "liveliness_token"],
+            "key_exprs": list(_KEYS),
+        },
+        {
+            # a late subscriber asks the cache of a publisher, which changes nothing
+            "id": "no-calls",
+            "permission": "deny",
+            "flows": ["ingress"],
+            "messages": ["query"],
+            "key_exprs": [key for key in _KEYS if "@adv" not in key],
+        },
+    ],
+    "subjects": [{"id": "without-user", "link_protocols": ["tcp", "udp", "ws"]}],
+    "policies": [{"rules": ["no-commands", "no-calls"], "subjects": ["without-user"]}],
 }
 
 _lock = threading.Lock()
@@ -86,56 +118,93 @@ def own_router(settings: TransportSettings) -> Endpoint:
     return next((endpoint for endpoint in endpoints if endpoint.loopback), endpoints[0])
 
 
-def session_config(settings: TransportSettings) -> zenoh.Config:
-    """Configuration of a node's session: a peer that finds others through the router.
+def node_config(settings: TransportSettings) -> zenoh.Config:
+    """Configuration of a session of a run: a peer in the run's folder, without any TCP socket.
+
+    Links between nodes are direct. A session that could use TCP would be reachable for other users.
 
     Raises:
         TransportError: as ``router_endpoints``.
     """
-    protocol = "tcp" if settings.tls is None else "tls"
+    if settings.discovery_range == "OFF":
+        return _config({"mode": "peer"} | _ALONE)
+    folder = settings.link_folder
     values = {
         "mode": "peer",
-        "listen/endpoints": [f"{protocol}/localhost:0"],
-        "connect/endpoints": [str(own_router(settings))],
+        "listen/endpoints": [unix_endpoint(own_socket(folder))],
+        "connect/endpoints": [unix_endpoint(router_socket(folder))],
         "scouting/delay": _OPEN_WAIT_MS,
-        # every peer reaches all others, so one side of each pair connects
+        # every node reaches all others, so one side of each pair connects
         "scouting/gossip/target": {"router": ["router", "peer"], "peer": ["router"]},
         "scouting/gossip/autoconnect_strategy": {"peer": {"to_router": "always", "to_peer": "greater-zid"}},
     }
-    return _config(settings, values | _ALONE if settings.discovery_range == "OFF" else values)
+    return _config(values | _PRIVATE)
 
 
-def guest_config(settings: TransportSettings) -> zenoh.Config:
-    """Configuration of a session that only watches this machine's router, without other links.
+def client_config(settings: TransportSettings, endpoint: str) -> zenoh.Config:
+    """Configuration of a session outside a run: a client of the router.
+
+    Raises:
+        TransportError: as ``router_endpoints``.
+    """
+    own = {"mode": "client", "connect/endpoints": [endpoint], "transport/unicast/open_timeout": _ANSWER_MS}
+    return _config(_certificates(settings) | _ALONE | own)
+
+
+def waiting_config(settings: TransportSettings) -> zenoh.Config:
+    """Configuration of a session outside a run that waits for a router, which a client cannot.
+
+    Raises:
+        TransportError: as ``router_endpoints``.
+    """
+    own = {"mode": "router", "connect/endpoints": [str(own_router(settings))]}
+    return _config(_certificates(settings) | _ALONE | own)
+
+
+def run_router_config(folder: str, meeting: Sequence[Path]) -> zenoh.Config:
+    """Configuration of a run's own router, which links its nodes to the router of the machine.
+
+    Args:
+        folder: of the run; meeting: sockets at which the machine's router may be.
+    """
+    own = {
+        "mode": "router",
+        "listen/endpoints": [unix_endpoint(router_socket(folder))],
+        "connect/endpoints": [unix_endpoint(path) for path in meeting],
+        "scouting/delay": 0,
+    }
+    return _config(own | _PRIVATE)
+
+
+def router_config(
+    settings: TransportSettings,
+    meeting: Path,
+    listen: Sequence[str],
+    connect: Sequence[str],
+    *,
+    watched: bool,
+) -> zenoh.Config:
+    """Configuration of the router of this machine.
+
+    Args:
+        settings: for the certificates.
+        meeting: UNIX socket for this user's sessions.
+        listen: further endpoints; connect: other routers.
+        watched: whether links that carry no user may only watch.
 
     Raises:
         TransportError: as ``router_endpoints``.
     """
     own = {
-        "mode": "peer",
-        "connect/endpoints": [str(own_router(settings))],
-        # the program on the port may be no router and never respond
-        "transport/unicast/open_timeout": _ANSWER_MS,
-    }
-    return _config(settings, _ALONE | own)
-
-
-def router_config(settings: TransportSettings) -> zenoh.Config:
-    """Configuration of the router of this machine.
-
-    Raises:
-        TransportError: as ``router_endpoints``, or a connect endpoint is malformed.
-    """
-    own = {
         "mode": "router",
-        "listen/endpoints": [str(endpoint) for endpoint in router_endpoints(settings)],
-        "connect/endpoints": [str(read_endpoint(text)) for text in settings.connect_endpoints],
+        "listen/endpoints": [unix_endpoint(meeting), *listen],
+        "connect/endpoints": list(connect),
         "scouting/delay": 0,
     }
-    return _config(settings, own)
+    return _config(_certificates(settings) | own | ({"access_control": _WATCH_ONLY} if watched else {}))
 
 
-def _config(settings: TransportSettings, values: dict[str, Any]) -> zenoh.Config:
+def _config(values: dict[str, Any]) -> zenoh.Config:
     common: dict[str, Any] = {
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
@@ -144,21 +213,28 @@ def _config(settings: TransportSettings, values: dict[str, Any]) -> zenoh.Config
         # caches for late joiners need time stamps
         "timestamping/enabled": True,
     }
-    if settings.tls is not None:
-        common["transport/link/tls"] = {
-            "root_ca_certificate": settings.tls.root_ca_file,
-            "listen_certificate": settings.tls.certificate_file,
-            "listen_private_key": settings.tls.private_key_file,
-            "connect_certificate": settings.tls.certificate_file,
-            "connect_private_key": settings.tls.private_key_file,
-            "enable_mtls": True,
-            # the authority decides which machines are trusted, so certificates need not name each address
-            "verify_name_on_connect": False,
-        }
     config = zenoh.Config()
     for key, value in (common | values).items():
         config.insert_json5(key, json.dumps(value))
     return config
+
+
+def _certificates(settings: TransportSettings) -> dict[str, Any]:
+    tls = settings.tls
+    if tls is None:
+        return {}
+    return {
+        "transport/link/tls": {
+            "root_ca_certificate": tls.root_ca_file,
+            "listen_certificate": tls.certificate_file,
+            "listen_private_key": tls.private_key_file,
+            "connect_certificate": tls.certificate_file,
+            "connect_private_key": tls.private_key_file,
+            "enable_mtls": True,
+            # the authority decides which machines are trusted, so certificates need not name each address
+            "verify_name_on_connect": False,
+        }
+    }
 
 
 def open_session(config: zenoh.Config, *, warn: bool = True) -> Any:

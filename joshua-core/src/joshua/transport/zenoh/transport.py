@@ -26,20 +26,24 @@ from joshua.transport.transports import (
 )
 from joshua.transport.zenoh.graph import Graph
 from joshua.transport.zenoh.keys import CLIENT, NODE, PUBLISHER, SERVICE, SUBSCRIPTION, Entity, data_key
+from joshua.transport.zenoh.meeting import live_socket, unix_endpoint
 from joshua.transport.zenoh.publisher import ZenohPublisher
 from joshua.transport.zenoh.services import ZenohService, call
 from joshua.transport.zenoh.settings import (
+    client_config,
     close_session,
+    node_config,
     open_session,
     own_router,
     require_certificates,
-    session_config,
+    waiting_config,
 )
 from joshua.transport.zenoh.subscription import ZenohSubscription
 from joshua.transport.zenoh.watch import Watch
 
 #: Pending requests of a busy service. Further ones displace the oldest.
 _MOST_REQUESTS = 10
+_NO_LINK = "Unable to connect"
 
 
 class ZenohNode(NodeHandle):
@@ -105,10 +109,7 @@ class ZenohTransport(Transport):
 
     def __init__(self, settings: TransportSettings) -> None:
         require_certificates(settings)
-        try:
-            self.session: Any = open_session(session_config(settings), warn=False)
-        except TransportError as error:
-            raise TransportError(f"the Zenoh session cannot be opened: {error}") from error
+        self.session: Any = _open(settings)
         super().__init__(settings)
         self._ids = itertools.count()
         self.watch = Watch()
@@ -151,6 +152,27 @@ class ZenohTransport(Transport):
         self.graph.close()
         self.watch.close()
         close_session(self.session)
+
+
+def _open(settings: TransportSettings) -> Any:
+    """Open a session: of a node in the folder of its run, or of another program at the router.
+
+    Raises:
+        TransportError: Zenoh refuses the settings.
+    """
+    try:
+        if settings.link_folder or settings.discovery_range == "OFF":
+            return open_session(node_config(settings), warn=False)
+        path = live_socket(settings)
+        endpoint = unix_endpoint(path) if path is not None else str(own_router(settings))
+        try:
+            return open_session(client_config(settings, endpoint), warn=False)
+        except TransportError as error:
+            if _NO_LINK not in str(error):
+                raise
+        return open_session(waiting_config(settings), warn=False)
+    except TransportError as error:
+        raise TransportError(f"the Zenoh session cannot be opened: {error}") from error
 
 
 def _ignore(event: str, detail: str) -> None:

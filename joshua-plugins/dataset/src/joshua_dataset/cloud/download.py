@@ -8,6 +8,7 @@ import threading
 from collections.abc import Mapping
 from pathlib import Path
 
+from joshua_dataset.changes import is_interrupted
 from joshua_dataset.cloud.copies import (
     INFO_NAME,
     JOBS,
@@ -64,6 +65,10 @@ def download(
     except OSError as error:
         raise RemoteError(f"{folder} cannot be written: {error.strerror or error}") from error
     try:
+        if is_interrupted(folder):
+            raise RemoteError(
+                f"{folder} has a change that was interrupted. Run `joshua dataset repair {folder}` first"
+            )
         ledger = Ledger(folder)
         incoming = _Incoming(store, folder, sums, ledger, files, tally)
         has_data = (folder / INFO).is_file()

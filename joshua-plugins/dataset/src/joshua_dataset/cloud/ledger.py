@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from joshua_dataset.files import Files
 from joshua_dataset.lock import PRIVATE
 from joshua_dataset.metadata import INFO
 
@@ -95,11 +96,8 @@ class Ledger:
         """Write the ledger; skipped if the folder is not writable."""
         with self._lock, contextlib.suppress(OSError):
             self._path.parent.mkdir(exist_ok=True)
-            fresh = self._path.with_suffix(".new")
-            fresh.write_text(
-                json.dumps({"digests": self._digests, "remotes": self._remotes}), encoding="utf-8"
-            )
-            fresh.replace(self._path)
+            content = json.dumps({"digests": self._digests, "remotes": self._remotes})
+            Files().write(self._path, content.encode())
 
 
 def names_of(folder: Path) -> Iterator[str]:

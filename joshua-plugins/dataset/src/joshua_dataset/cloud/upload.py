@@ -6,6 +6,9 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from joshua.features import EpisodeError
+
+from joshua_dataset.changes import Watch, is_interrupted
 from joshua_dataset.cloud.copies import (
     INFO_NAME,
     JOBS,
@@ -23,6 +26,7 @@ from joshua_dataset.cloud.errors import RemoteError
 from joshua_dataset.cloud.ledger import Digest, Ledger, names_of
 from joshua_dataset.cloud.sessions import Sessions
 from joshua_dataset.cloud.store import Outgoing, RemoteFile, Store, Tally, read_back
+from joshua_dataset.files import cause, remedy_first
 from joshua_dataset.metadata import INFO
 from joshua_dataset.reader import Dataset
 
@@ -37,6 +41,20 @@ def upload(folder: Path, store: Store, tally: Tally, *, jobs: int = JOBS, replac
     Raises:
         DatasetError: the folder holds no data set; RemoteError.
     """
+    if is_interrupted(folder):
+        raise RemoteError(
+            f"{folder} has a change that was interrupted. Run `joshua dataset repair {folder}` first"
+        )
+    try:
+        return _upload(folder, store, tally, jobs, replace=replace)
+    except OSError as error:
+        raise RemoteError(
+            f"{error.filename or folder}: {cause(error)}. {folder} stays as it is, and {store.address} keeps "
+            f"its old {INFO_NAME}. {remedy_first(error, 'run the same command again')}"
+        ) from error
+
+
+def _upload(folder: Path, store: Store, tally: Tally, jobs: int, *, replace: bool) -> Summary:
     # A snapshot of the metadata: a recorder may add episodes meanwhile.
     dataset = Dataset.read(folder)
     content = (folder / INFO).read_bytes()
@@ -48,6 +66,10 @@ def upload(folder: Path, store: Store, tally: Tally, *, jobs: int = JOBS, replac
     with tempfile.TemporaryDirectory(prefix="joshua-upload-") as scratch:
         info = Path(scratch) / "info.json"
         info.write_bytes(content)
+        watch = Watch()
+        for name in names:
+            if episode_of(name) is not None:
+                watch.add(folder / name)
         files = {name: Outgoing(name, folder / name, ledger.digest(name)) for name in names}
         last = {INFO_NAME: Outgoing(INFO_NAME, info, Digest.of(info))}
         if store.keeps_sums:
@@ -73,6 +95,10 @@ def upload(folder: Path, store: Store, tally: Tally, *, jobs: int = JOBS, replac
                 else:
                     todo.append(item)
             _send(store, todo, tally, jobs, ledger)
+            try:
+                watch.check()
+            except EpisodeError as error:
+                raise RemoteError(str(error)) from error
             for item in last.values():
                 if fitting.same(item):
                     tally.skip(item.digest.size)

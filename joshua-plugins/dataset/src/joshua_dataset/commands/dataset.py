@@ -188,14 +188,13 @@ def _view(arguments: argparse.Namespace) -> int:
 def _stats(arguments: argparse.Namespace) -> int:
     from joshua.tools import Screen, columns
 
-    from joshua_dataset.files import Files, Staging
     from joshua_dataset.metadata import STATS
     from joshua_dataset.reader import Dataset
-    from joshua_dataset.statistics import as_json
-    from joshua_dataset.transform import recomputed
+    from joshua_dataset.transform import recompute, recomputed
 
+    compute = recompute if arguments.write else recomputed
     with _workers(arguments) as workers:
-        found = recomputed(arguments.folder, workers=workers)
+        found = compute(arguments.folder, workers=workers)
     features = Dataset.read(arguments.folder).features
     figures = ("min", "mean", "max", "std")
     rows = [("FEATURE", "NAME", *map(str.upper, figures))]
@@ -210,10 +209,6 @@ def _stats(arguments: argparse.Namespace) -> int:
     layout = columns(rows, screen=Screen.of(sys.stdout), right=range(2, 6), group=0, flexible=1)
     sys.stdout.writelines(f"{line}\n" for line in layout)
     if arguments.write:
-        there = Dataset.read(arguments.folder).statistics()
-        staging = Staging(Files())
-        staging.json(arguments.folder / STATS, {key: as_json(v) for key, v in (there | found).items()})
-        staging.commit()
         sys.stdout.write(f"{arguments.folder / STATS} is replaced\n")
     return 0
 

@@ -72,7 +72,7 @@ def remarks(motor: FoundMotor, tools: type[Any]) -> list[str]:
     """Return the problems of a motor, each with its remedy."""
     if motor.shared:
         return ["several motors answer: connect one alone and change its id with joshua motors setup"]
-    found = [motor.status] if motor.status else []
+    found = motor.alarms
     if motor.model not in tools.expected_models:
         found.append(f"is a {motor.model}, which this driver does not support")
     return found

@@ -116,7 +116,16 @@ class SetupProcedure:
             self.done.append(other)
         return f"this motor already has the id of {other}"
 
+    def _report_alarm(self, motor: FoundMotor, wanted: WantedMotor) -> None:
+        """Say that a motor is in alarm. Its id can be set, because that needs no torque."""
+        if motor.alarms:
+            self._dialogue.say(
+                f"warning: the motor of {wanted} is in alarm: {'; '.join(motor.alarms)}. Find the "
+                "cause (a blocked joint, heat, the supply) before you start the arm"
+            )
+
     def _assign(self, motor: FoundMotor, wanted: WantedMotor) -> bool:
+        self._report_alarm(motor, wanted)
         was = f"id {motor.motor_id} at {motor.baudrate} bit/s"
         try:
             with interrupts_deferred():
@@ -143,6 +152,8 @@ class SetupProcedure:
                 motor for motor in self._wanted if motor not in missing and found[motor.motor_id].shared
             ]
             if not missing and not shared:
+                for motor in self._wanted:
+                    self._report_alarm(found[motor.motor_id], motor)
                 self._dialogue.say(f"all {len(self._wanted)} motors answer at {self._baudrate} bit/s")
                 return
             if shared:

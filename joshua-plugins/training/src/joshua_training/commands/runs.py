@@ -190,31 +190,44 @@ def _compare(arguments: argparse.Namespace) -> int:
 
 
 def _prune(arguments: argparse.Namespace) -> int:
-    from joshua_training.summaries import find_runs, removals, remove
+    from joshua.tools import ExitCode
+
+    from joshua_training.run_folder import RunError, RunFolder
+    from joshua_training.summaries import find_runs, removals, removals_left, remove
 
     parent = _existing(arguments.folder)
     if arguments.keep_checkpoints is None and arguments.older_than is None and not arguments.empty:
         raise _WrongArgument("no criterion was given: add --keep-checkpoints N, --older-than DAYS or --empty")
-    found = list(
-        removals(
-            find_runs(parent),
-            keep_checkpoints=arguments.keep_checkpoints,
-            older_than_s=None if arguments.older_than is None else arguments.older_than * _DAY_S,
-            empty=arguments.empty,
-        )
+
+    def left_alone(run: RunFolder, why: str) -> None:
+        sys.stderr.write(f"joshua runs prune: {run.path} is left alone, because {why}\n")
+
+    listed = removals(
+        find_runs(parent),
+        keep_checkpoints=arguments.keep_checkpoints,
+        older_than_s=None if arguments.older_than is None else arguments.older_than * _DAY_S,
+        empty=arguments.empty,
+        left_alone=left_alone,
     )
+    found = [*removals_left(parent), *listed]
+    freed = failures = 0
     for removal in found:
-        if arguments.yes:
-            remove(removal)
+        try:
+            if arguments.yes:
+                remove(removal)
+        except RunError as error:  # the others can be removed all the same
+            sys.stderr.write(f"joshua runs prune: {error}\n")
+            failures += 1
+            continue
+        freed += removal.bytes
         _write(f"{removal.path}: {removal.reason}, {_size(removal.bytes)}")
-    total = _size(sum(removal.bytes for removal in found))
     if not found:
         _write("Nothing to remove")
     elif arguments.yes:
-        _write(f"Removed: {total}")
+        _write(f"Removed: {_size(freed)}")
     else:
-        _write(f"Nothing was removed. Add --yes to free {total}")
-    return 0
+        _write(f"Nothing was removed. Add --yes to free {_size(freed)}")
+    return ExitCode.FAILED if failures else ExitCode.OK
 
 
 def _parent(parser: argparse.ArgumentParser) -> None:

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from joshua.node.endpoints import KNOWN_WITHIN_S, PublisherNames
+from joshua.node.writers import KNOWN_WITHIN_S, PublisherNames
 
 
 class Graph:
@@ -67,3 +67,39 @@ def test_what_is_remembered_is_bounded() -> None:
     for number in range(5000):
         names.name(number.to_bytes(16, "little"))
     assert len(names._waiting) <= 1000
+
+
+def test_a_writer_stays_the_same_when_its_name_arrives() -> None:
+    graph = Graph()
+    names = graph.names()
+    writer = names.writer(b"a")
+    assert (writer.name, writer.awaits_name) == ("", True)
+    graph.now_s += KNOWN_WITHIN_S
+    assert (writer.name, writer.awaits_name) == ("", False)
+    graph.known = {b"a": "/talker"}
+    graph.now_s += KNOWN_WITHIN_S
+    assert (writer.name, writer.awaits_name) == ("/talker", False)
+    assert writer.same_node(names.writer(b"a"))
+
+
+def test_publishers_of_one_node_are_the_same_node_once_both_names_are_known() -> None:
+    graph = Graph()
+    graph.known = {b"a": "/talker", b"c": "/moveit"}
+    names = graph.names()
+    first, second, other = (names.writer(gid) for gid in (b"a", b"b", b"c"))
+    assert not first.same_node(second)
+    graph.known[b"b"] = "/talker"
+    graph.now_s += 0.1
+    assert first.same_node(second)
+    assert second.same_node(first)
+    assert not first.same_node(other)
+    assert not first.same_node(None)
+
+
+def test_publishers_without_a_node_are_told_apart() -> None:
+    graph = Graph()
+    names = graph.names()
+    first, second = names.writer(b"a"), names.writer(b"b")
+    assert [writer.name for writer in (first, second)] == ["", ""]
+    assert not first.same_node(second)
+    assert names.writer(b"").same_node(names.writer(b"")), "messages without an id cannot be told apart"

@@ -1,0 +1,365 @@
+"""Changes of a data set as transactions: after a kill, a power cut or an error, all of a change or nothing.
+
+A change is prepared in the private folder of the data set. When all its files are safe on the disk, a journal
+of the moves decides it: from then on the change is completed, by this process or by ``recover`` in the next
+one. The moves are renames, which need no space.
+
+Every change happens under the lock of the data set.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
+from joshua.api.files import free_name
+from joshua.features import EpisodeError
+from joshua.tools import parse_json
+
+from joshua_dataset.files import Files, aside_folder, cause, remedy_first
+from joshua_dataset.lock import PRIVATE, WriterLock
+from joshua_dataset.metadata import INFO, is_own
+from joshua_dataset.open_episode import open_folder
+
+JOURNAL = "journal.json"
+
+
+class _Kind(Enum):
+    """When a move is made."""
+
+    CLEAR = "clear"
+    """First: make room for what is put."""
+    PUT = "put"
+    """Then: move a file into place."""
+    LEAVE = "leave"
+    """At the end: take away what the change was made of."""
+
+
+_Move = tuple[_Kind, Path, Path]
+
+
+def change_folder(folder: Path) -> Path:
+    """Return the private folder of a data set's change."""
+    return folder / PRIVATE / "change"
+
+
+def is_interrupted(folder: Path) -> bool:
+    """Return whether a decided change of a data set is not complete."""
+    return os.path.lexists(change_folder(folder) / JOURNAL)
+
+
+class Change:
+    """One change of a data set; readers see nothing of it before ``commit``.
+
+    Args:
+        folder: of the data set, whose lock is held; files: file operations.
+
+    Attributes:
+        place: private folder of the change.
+        is_decided: the change is going to be complete, whatever happens.
+    """
+
+    def __init__(self, folder: Path, files: Files) -> None:
+        self._folder, self._files = folder, files
+        self.place = change_folder(folder)
+        self.is_decided = False
+        self._staged: list[Path] = []
+        self._moves: list[_Move] = []
+        self._last: _Move | None = None
+
+    def begin(self) -> None:
+        """Make the private folder, without what an undecided change left there. Raises OSError."""
+        if is_interrupted(self._folder):
+            raise OSError(errno.EBUSY, "a change is not complete", str(self.place))
+        if os.path.lexists(self.place):
+            shutil.rmtree(self.place)
+        self._files.make_folder(self.place)
+
+    def table(self, path: Path, table: pa.Table) -> None:
+        """Write a table in the format that the suffix names: ``.parquet``, ``.csv`` or ``.jsonl``.
+
+        Raises:
+            OSError, pyarrow.ArrowException: writing fails.
+        """
+        fresh = self._fresh(path)
+        if path.suffix == ".csv":
+            pa_csv.write_csv(table, fresh)
+        elif path.suffix == ".jsonl":
+            with fresh.open("w", encoding="utf-8") as file:
+                for batch in table.to_batches(max_chunksize=1000):
+                    file.writelines(json.dumps(row) + "\n" for row in batch.to_pylist())
+        else:
+            pq.write_table(table, fresh, compression="snappy")
+
+    def json(self, path: Path, value: Any, *, last: bool = False) -> None:
+        """Write a value as JSON.
+
+        Args:
+            last: the file is moved into place when all others are there.
+
+        Raises:
+            OSError: writing fails.
+        """
+        self._fresh(path, last=last).write_text(json.dumps(value, indent=4) + "\n", encoding="utf-8")
+
+    def put(self, source: Path, path: Path, *, last: bool = False) -> None:
+        """Move a complete file or folder of the private folder into place; an older one is replaced."""
+        move = (_Kind.PUT, source, path)
+        if last:
+            self._last = move
+        else:
+            self._moves.append(move)
+
+    @property
+    def made(self) -> Path:
+        """Folder in which a whole data set can be made, for ``put_made``."""
+        return self.place / "made"
+
+    def put_made(self) -> None:
+        """Move the data set in ``made`` into place."""
+        for path in own_files(self.made):
+            name = path.relative_to(self.made)
+            self.put(path, self._folder / name, last=name == INFO)
+
+    def retire_all(self) -> None:
+        """Remove the data set, and no file of others in its folder, before files are put into place."""
+        paths = own_files(self._folder)
+        for path in sorted(paths, key=lambda path: path != self._folder / INFO):  # it counts the others
+            self.retire(path)
+
+    def retire(self, path: Path) -> None:
+        """Remove a file or folder of the data set, before files are put into place."""
+        self._moves.append((_Kind.CLEAR, path, self._old()))
+
+    def clear(self, path: Path) -> None:
+        """Move aside what has the name of a file that is put, although nothing counts it."""
+        if os.path.lexists(path):
+            target = free_name(aside_folder(self._folder), f"uncounted-{len(self._moves)}-{path.name}")
+            self._moves.append((_Kind.CLEAR, path, target))
+
+    def drop(self, path: Path) -> None:
+        """Remove a folder of the private folder after files of it were put into place."""
+        self._moves.append((_Kind.LEAVE, path, self._old()))
+
+    def move_aside(self, path: Path, name: str) -> Path:
+        """Move a folder to where nothing is removed, as ``drop``; return its place."""
+        target = free_name(aside_folder(self._folder), name)
+        self._moves.append((_Kind.LEAVE, path, target))
+        return target
+
+    def commit(self) -> None:
+        """Decide the change and complete it. After an error, call it again if the change is decided.
+
+        Raises:
+            OSError: if ``is_decided``, ``commit`` or ``recover`` completes the change later.
+        """
+        if not self.is_decided:
+            self._make_safe()
+            rows = [
+                [kind.value, *(path.relative_to(self._folder).as_posix() for path in paths)]
+                for kind, *paths in self._all
+            ]
+            self._files.write(self.place / JOURNAL, json.dumps({"moves": rows}).encode())
+            self.is_decided = True
+        _complete(self._folder, self._all, self._files)
+
+    def discard(self) -> None:
+        """Remove what was prepared; a decided change stays. Files of ``put`` stay where they are."""
+        if not self.is_decided:
+            with contextlib.suppress(OSError):  # the next change removes it
+                shutil.rmtree(self.place)
+
+    @property
+    def _all(self) -> list[_Move]:
+        return [*self._moves, *([self._last] if self._last is not None else [])]
+
+    def _old(self) -> Path:
+        return self.place / "old" / f"{len(self._moves):06d}"
+
+    def _make_safe(self) -> None:
+        """Bring everything that the journal names to the disk."""
+        sources = [source for kind, source, _ in self._all if kind is _Kind.PUT]
+        for source in sources:
+            for path in (source, *source.rglob("*")) if source.is_dir() else (source,):
+                if path.is_dir():
+                    self._files.sync_folder(path)
+                else:
+                    self._files.sync(path)
+        for folder in sorted({source.parent for source in sources}):
+            self._files.sync_folder(folder)
+        for folder in sorted({target.parent for *_, target in self._all}):
+            self._files.make_folder(folder)
+
+    def _fresh(self, path: Path, *, last: bool = False) -> Path:
+        folder = self.place / "new"
+        self._files.make_folder(folder)
+        fresh = folder / f"{len(self._staged):06d}{path.suffix}"
+        self._staged.append(fresh)
+        self.put(fresh, path, last=last)
+        return fresh
+
+
+@contextlib.contextmanager
+def changing(folder: Path, files: Files | None = None) -> Iterator[Change]:
+    """Lock a data set for one change, which is discarded unless it is committed.
+
+    Args:
+        folder: of the data set; created if it does not exist.
+
+    Raises:
+        EpisodeError: another process writes the data set, it has an unfinished episode, or the disk refuses
+            the change.
+    """
+    files = files or Files()
+    lock = WriterLock(folder)
+    change = Change(folder, files)
+    is_new = not folder.exists()
+    try:
+        files.make_folder(folder)
+        lock.take()
+        recover(folder, files)
+        if open_folder(folder).exists():
+            raise EpisodeError(
+                f"{folder} has an unfinished episode. Run `joshua dataset repair {folder}` first"
+            )
+        change.begin()
+        yield change
+    except OSError as error:
+        raise _refused(folder, error, is_decided=change.is_decided) from error
+    finally:
+        if lock.is_held:
+            change.discard()
+        lock.release()
+        if is_new:
+            with contextlib.suppress(OSError):  # it is the data set by now, or was never made
+                folder.rmdir()
+
+
+def _refused(folder: Path, error: OSError, *, is_decided: bool) -> EpisodeError:
+    if is_decided:
+        state, then = "The change is not complete", f"run `joshua dataset repair {folder}` to complete it"
+    else:
+        state, then = "Nothing was changed", "run the command again"
+    return EpisodeError(f"{folder} cannot be written: {cause(error)}. {state}. {remedy_first(error, then)}")
+
+
+class Watch:
+    """Finds out whether another command changed an episode while it was read."""
+
+    def __init__(self) -> None:
+        self._before: dict[Path, tuple[int, int, int]] = {}
+
+    def add(self, path: Path) -> None:
+        """Watch a file. Raises OSError."""
+        self._before[path] = self._state(path)
+
+    def check(self) -> None:
+        """Raise EpisodeError if a file is another one."""
+        for path, before in self._before.items():
+            try:
+                now = self._state(path)
+            except FileNotFoundError:
+                now = (0, 0, 0)
+            if now != before:
+                raise EpisodeError(
+                    f"{path} was changed by another command meanwhile. Run the same command again"
+                )
+
+    @staticmethod
+    def _state(path: Path) -> tuple[int, int, int]:
+        found = path.stat()
+        return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+def own_files(folder: Path) -> list[Path]:
+    """Return the files of a data set, and the folders of episodes, by name; files of others are left out."""
+    found = []
+    for place, folders, names in os.walk(folder):
+        here = Path(place).relative_to(folder)
+        whole = [name for name in folders if is_own((here / name).as_posix())]
+        folders[:] = [name for name in folders if name not in whole and not name.startswith(".")]
+        files = [name for name in names if is_own((here / name).as_posix())]
+        found += [folder / here / name for name in (*whole, *files)]
+    return sorted(found)
+
+
+def recover(folder: Path, files: Files | None = None) -> bool:
+    """Complete a decided change that was interrupted; return whether there was one.
+
+    What an undecided or a complete change has left is removed: it only takes space.
+
+    Args:
+        folder: of the data set, whose lock is held.
+
+    Raises:
+        OSError: it cannot be completed yet. EpisodeError: its journal is not one of this program.
+    """
+    files = files or Files()
+    place = change_folder(folder)
+    try:
+        text = (place / JOURNAL).read_bytes()
+    except FileNotFoundError:
+        if os.path.lexists(place):
+            shutil.rmtree(place)
+        return False
+    try:
+        moves = [_move_of(folder, row) for row in parse_json(text)["moves"]]
+    except (ValueError, KeyError, TypeError) as error:
+        aside = files.move_aside(place, aside_folder(folder), "change")
+        raise EpisodeError(
+            f"{folder} has a change that cannot be completed, because its journal is not valid ({error}). "
+            f"It was moved to {aside}. Run `joshua dataset check {folder}`"
+        ) from error
+    _complete(folder, moves, files)
+    return True
+
+
+def _move_of(folder: Path, row: Any) -> _Move:
+    """Return a move from its journal. Raises ValueError for a path outside the data set."""
+    kind, *names = row
+    paths = [folder / str(name) for name in names]
+    root = folder.resolve()
+    for path in paths:
+        if not path.parent.resolve().is_relative_to(root) or ".." in path.parts[len(folder.parts) :]:
+            raise ValueError(f"{path} is outside the data set")
+    source, target = paths
+    return _Kind(kind), source, target
+
+
+def _complete(folder: Path, moves: Sequence[_Move], files: Files) -> None:
+    """Make the moves that are not made yet, in an order in which a cut leaves each recoverable."""
+    put = [move for move in moves if move[0] is _Kind.PUT]
+    steps = (
+        [move for move in moves if move[0] is _Kind.CLEAR],
+        put[:-1],
+        put[-1:],
+        [move for move in moves if move[0] is _Kind.LEAVE],
+    )
+    for step in steps:
+        for move in step:
+            _make(move, files)
+        for parent in sorted({path.parent for _, *paths in step for path in paths}):
+            if parent.is_dir():
+                files.sync_folder(parent)
+    place = change_folder(folder)
+    (place / JOURNAL).unlink()
+    files.sync_folder(place)
+    shutil.rmtree(place, ignore_errors=True)  # what is left only takes space, until the next change
+
+
+def _make(move: _Move, files: Files) -> None:
+    kind, source, target = move
+    # a target that exists shows that the source is what took its place
+    is_made = kind is not _Kind.PUT and os.path.lexists(target)
+    if not is_made and os.path.lexists(source):
+        files.replace(source, target)

@@ -1,0 +1,88 @@
+"""Another user of this machine against a whole robot: calls every service, publishes on every topic."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from joshua.messages import encode, make
+from joshua.testing.domain import reserved_domain
+from joshua.testing.program import JoshuaProgram
+
+STRANGER = 61234
+ATTACK = Path(__file__).parents[1] / "core/transport/programs/other_user.py"
+ROBOT = """
+general { mode: MODE_TELEOPERATE name: "bench" id: "bench-001" }
+robot {
+  actions {
+    node { node_name: "arm" node_id: 1
+      publishers { data_type: JOINT_STATE topic_name: "/arm/joint_states" publish_rate_hz: 20 } }
+    action_type: ACTION_LEADER mock_motor_config { num_motors: 2 position_max: 4095 }
+  }
+  actions {
+    node { node_name: "copy" node_id: 2
+      subscriptions { data_type: JOINT_STATE topic_name: "/arm/joint_states" } }
+    action_type: ACTION_FOLLOWER mock_motor_config { num_motors: 2 position_max: 4095 }
+  }
+  actions {
+    node { node_name: "free" node_id: 3
+      subscriptions { data_type: JOINT_STATE topic_name: "/free/joint_commands" external: true }
+      subscriptions { data_type: JOINT_TRAJECTORY topic_name: "/free/trajectory" external: true } }
+    action_type: ACTION_FOLLOWER mock_motor_config { num_motors: 2 position_max: 4095 }
+  }
+}
+"""
+
+pytestmark = pytest.mark.skipif(
+    os.geteuid() != 0 or not sys.platform.startswith("linux"),
+    reason="only root can start a program of another user, and only Linux tells whose a connection is",
+)
+
+
+@pytest.fixture
+def joshua(tmp_path: Path) -> Iterator[JoshuaProgram]:
+    (tmp_path / "robot.pbtxt").write_text(ROBOT, encoding="utf-8")
+    with reserved_domain() as domain_id:
+        program = JoshuaProgram(tmp_path, domain_id, {"RMW_IMPLEMENTATION": "rmw_zenoh_cpp"})
+        yield program
+        program.close()
+
+
+def attack(joshua: JoshuaProgram, user: int) -> dict[str, int]:
+    """What a program of a user reached: the topics and services that it tried, and the answers it got."""
+    port = joshua.router.rsplit(":", 1)[1]
+    message = bytes(encode(make.joint_state(["joint_1"], [0.3]))).hex()
+    command = [sys.executable, str(ATTACK), str(user), port, message]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    found: dict[str, int] = json.loads(done.stdout)
+    return found
+
+
+def test_another_user_commands_nothing_and_calls_no_service(joshua: JoshuaProgram) -> None:
+    run = joshua.start("--config", "robot.pbtxt")
+    assert run.stdout is not None
+    table = []
+    for line in run.stdout:
+        table.append(line)
+        if "commands:" in line:
+            break
+    text = "".join(table)
+    assert "commands: from this user and root; other users of this machine can only watch" in text
+
+    stranger = attack(joshua, STRANGER)
+    assert stranger["topics"] > 4
+    assert stranger["calls"] > 20, "parameters, lifecycle states and verbs of three arms"
+    assert stranger["answers"] == 0
+
+    own = attack(joshua, 0)
+    assert own["answers"] == own["calls"] == stranger["calls"], "the attack itself is sound"
+    output, errors = joshua.stop(run)
+    assert run.returncode == 0, output + errors
+    (received,) = (line.split() for line in output.splitlines() if "in /free/joint_commands" in line)
+    assert received[-1] == "1", "the message of this user, and none of the other one"
