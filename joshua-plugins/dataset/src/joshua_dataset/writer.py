@@ -7,6 +7,8 @@ however many precede it.
 
 An episode that cannot be written, or not be kept, stays on the disk as far as it is there. It can be kept
 later, by this writer or by a repair.
+
+Why one file: it is one class, whose methods are the life of an episode, with its five formats.
 """
 
 from __future__ import annotations

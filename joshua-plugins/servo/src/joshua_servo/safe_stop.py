@@ -10,14 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from joshua.api import (
-    AwakeClock,
-    DeviceBusy,
-    DeviceError,
-    SafeStopRequest,
-    SafeStopResult,
-    TorqueState,
-)
+from joshua.api import DeviceBusy, DeviceError, SafeStopRequest, SafeStopResult, TorqueState
+from joshua.api.patience import AwakeClock
 from joshua_serial.errors import PortDisconnected
 from joshua_serial.port import SerialPort
 from joshua_serial.usb_ports import Endpoint
