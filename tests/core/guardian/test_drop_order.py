@@ -27,10 +27,11 @@ def test_giving_it_makes_no_file(tmp_path: Path) -> None:
     assert [path.stat().st_ino for path in tmp_path.iterdir()] == [number]
 
 
-def test_a_folder_that_was_emptied_meanwhile_takes_the_order(tmp_path: Path) -> None:
-    order = DropOrder(str(tmp_path))
-    order.give()
-    assert order.given
+def test_a_folder_that_was_emptied_or_removed_meanwhile_takes_the_order(tmp_path: Path) -> None:
+    for folder in (tmp_path, tmp_path / "estop"):
+        order = DropOrder(str(folder))
+        order.give()
+        assert order.given
 
 
 def test_a_run_without_directory_gives_none() -> None:

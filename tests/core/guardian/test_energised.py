@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -74,6 +75,21 @@ def test_a_run_whose_directory_was_removed_still_keeps_it(folder: EnergisedFolde
     spare.unlink()
     own.energising()
     assert len(folder.all()) == 1
+
+
+def test_a_record_that_vanished_with_its_folder_is_written_again(folder: EnergisedFolder) -> None:
+    own = note(folder)
+    own.prepare()
+    own.keep()
+    assert folder.all() == []
+    own.energising()
+    for path in (folder.path, folder.path.parent / RECORD.run):
+        shutil.rmtree(path)
+    own.keep()
+    assert len(folder.all()) == 1
+    own.released()
+    own.keep()
+    assert folder.all() == []
 
 
 def test_two_robots_with_the_same_node_have_two_records(folder: EnergisedFolder) -> None:

@@ -133,7 +133,7 @@ class ActuatorSafety:
             ) from error
 
     def keep_files(self) -> None:
-        """Creates the files of an e-stop again if they have vanished with their folder."""
+        """Creates the files of an e-stop, and the record of torque, again if their folder has vanished."""
         now_s = time.monotonic()
         if now_s < self._files_due_s:
             return
@@ -141,6 +141,7 @@ class ActuatorSafety:
         with contextlib.suppress(OSError):  # the supervisor reports the folder
             if self._latches is not None:
                 self._latches.keep_spare()
+            self._note.keep()
             if not self._files.has_order(self._node):
                 self._leave_order()
 

@@ -36,6 +36,7 @@ class DropOrder:
         with contextlib.suppress(FileNotFoundError):
             (self._folder / _SPARE).rename(self._folder / _GIVEN)
             return
+        self._folder.mkdir(mode=0o700, exist_ok=True)
         (self._folder / _GIVEN).touch(mode=0o600)
 
     @property

@@ -90,6 +90,7 @@ class EnergisedNote:
 
     def __init__(self, folder: str, spare_folder: str, record: EnergisedRecord) -> None:
         self._record = record
+        self._is_energised = False
         self._path = Path(folder) / record.file_name if folder else None
         self._spare = (Path(spare_folder) / record.file_name).with_suffix(_SPARE_SUFFIX)
 
@@ -113,6 +114,7 @@ class EnergisedNote:
         """Puts the record in place before torque is enabled. Raises OSError."""
         if self._path is None:
             return
+        self._is_energised = True
         with contextlib.suppress(FileNotFoundError):
             os.utime(self._spare)
             self._spare.rename(self._path)
@@ -123,15 +125,23 @@ class EnergisedNote:
         else:
             write_whole(self._path, self._data)
 
+    def keep(self) -> None:
+        """Writes the record again if it has vanished with its folder. Raises OSError."""
+        if self._path is not None and self._is_energised and not self._path.exists():
+            self._path.parent.mkdir(mode=0o700, exist_ok=True)
+            write_whole(self._path, self._data)
+
     def released(self) -> None:
         """Takes the record away, because the device has confirmed that its torque is off. Idempotent."""
         if self._path is None:
             return
-        with contextlib.suppress(OSError):
-            if self._spare.exists():
-                self._path.unlink(missing_ok=True)
-            else:
+        self._is_energised = False
+        if not self._spare.exists():
+            with contextlib.suppress(OSError):  # the folder of the run has vanished, or there is no record
                 self._path.rename(self._spare)  # for the next time
+                return
+        with contextlib.suppress(OSError):
+            self._path.unlink(missing_ok=True)
 
 
 def remove_record(path: str) -> None:
