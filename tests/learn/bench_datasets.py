@@ -17,7 +17,7 @@ import torch
 from joshua.features import DatasetLayout, Feature, FeatureSet, Frame
 from joshua_dataset.checking import check
 from joshua_dataset.reader import Dataset
-from joshua_dataset.transform import recomputed
+from joshua_dataset.recomputing import recomputed
 from joshua_dataset.writer import LeRobotWriter
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 

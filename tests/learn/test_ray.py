@@ -124,8 +124,8 @@ def test_data_set_jobs_give_the_same_bytes_on_a_cluster(nodes: Nodes, tmp_path: 
 
 def test_check_and_statistics_say_the_same_on_a_cluster(cluster: Cluster, tmp_path: Path) -> None:
     from joshua_dataset.checking import check
+    from joshua_dataset.recomputing import recomputed
     from joshua_dataset.statistics import as_json
-    from joshua_dataset.transform import recomputed
 
     write(tmp_path, lengths=(3, 2, 4))
     expected = [str(problem) for problem in check(tmp_path, workers=1)]

@@ -23,8 +23,9 @@ from joshua_dataset.lock import PRIVATE
 from joshua_dataset.mcap_writer import McapWriter
 from joshua_dataset.open_episode import open_folder
 from joshua_dataset.reader import Dataset, DatasetError
+from joshua_dataset.recomputing import recompute
 from joshua_dataset.repair import is_unfinished, repair
-from joshua_dataset.transform import Source, build, delete, recompute
+from joshua_dataset.transform import Source, build, delete
 from joshua_dataset.writer import DatasetWriter, LeRobotWriter, ParquetWriter
 from killed_steps import kill_at_each_step
 from small_dataset import TOP, frame, layout

@@ -106,11 +106,3 @@ def test_anything_else_is_refused(payload):
 def test_a_message_for_the_other_side_is_refused():
     with pytest.raises(FrameError):
         ipc.decode_for_child(ipc.encode(TO_SUPERVISOR[0]))
-
-
-def test_text_becomes_printable_and_is_cut():
-    assert ipc.printable("a\udc80b") == "a\\udc80b"
-    assert ipc.printable("é\t1\n2 ⡇") == "é\t1\n2 ⡇"
-    assert ipc.printable("\x1b[2J\r\x9b1m\u202e") == "\\x1b[2J\\x0d\\x9b1m\\u202e"
-    assert ipc.printable("x" * 12, 10) == "x" * 10 + "… (2 more characters)"
-    ipc.encode(ipc.Log(node="/a", time_ns=1, level=30, text=ipc.printable("\ud800")))

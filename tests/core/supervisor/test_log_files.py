@@ -37,6 +37,23 @@ def test_a_file_that_has_grown_is_rotated_and_the_oldest_goes(tmp_path):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+@pytest.mark.parametrize("umask", [0o000, 0o022], ids=oct)
+def test_only_the_owner_can_read_logs(tmp_path, umask):
+    former = os.umask(umask)
+    try:
+        log = LogFile(tmp_path / "state/log/run.jsonl", pytest.fail, max_file_bytes=100)
+        for number in range(20):
+            log.put(f'{{"number": {number}}}')
+        log.close()
+    finally:
+        os.umask(former)
+    found = {path.stat().st_mode & 0o777 for path in (tmp_path / "state/log").iterdir()}
+    assert found == {0o600}
+    assert len(list((tmp_path / "state/log").iterdir())) > 1, "nothing was rotated"
+    for folder in (tmp_path / "state", tmp_path / "state/log"):
+        assert folder.stat().st_mode & 0o777 == 0o700
+
+
 def test_a_full_disk_is_warned_of_once_and_written_to_again_when_it_has_room(tmp_path, monkeypatch):
     monkeypatch.setattr(log_files, "RETRY_S", 0.0)
     path = tmp_path / "run.jsonl"

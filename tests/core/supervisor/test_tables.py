@@ -19,12 +19,12 @@ from joshua.plan import (
     TransportSettings,
 )
 from joshua.plan.events import LogEntry, NodeRow, NodeStatus, RunStatus, StartTable
+from joshua.plan.foreign_text import printable
 from joshua.supervisor.node_record import commanded_by, visible_to
 from joshua.supervisor.node_record import start_table as start_table_of
 from joshua.supervisor.tables import (
     Cell,
     Screen,
-    clean,
     columns,
     log_line,
     report_lines,
@@ -315,8 +315,8 @@ def test_a_log_line_has_local_time_level_and_node(monkeypatch):
 
 
 def test_control_characters_are_made_visible():
-    assert clean("a\x00\x1b\x7f\x9bz ä\t\n") == "a\\x00\\x1b\\x7f\\x9bz ä\t\n"
-    assert clean(os.linesep) == os.linesep
+    assert printable("a\x00\x1b\x7f\x9bz ä\t\n") == "a\\x00\\x1b\\x7f\\x9bz ä\t\n"
+    assert printable(os.linesep) == os.linesep
 
 
 @pytest.mark.parametrize(

@@ -18,8 +18,9 @@ from joshua.features import DatasetLayout, Feature, FeatureSet, Frame
 from joshua_dataset.checking import check
 from joshua_dataset.formats import writer_of
 from joshua_dataset.reader import Dataset
+from joshua_dataset.recomputing import recomputed
 from joshua_dataset.repair import repair
-from joshua_dataset.transform import Source, build, delete, recomputed
+from joshua_dataset.transform import Source, build, delete
 from joshua_dataset.writer import DatasetWriter
 
 FPS = 10

@@ -23,8 +23,9 @@ from joshua_dataset.checking import check
 from joshua_dataset.metadata import INFO, STATS
 from joshua_dataset.pictures import encoded
 from joshua_dataset.reader import Dataset, DatasetError
+from joshua_dataset.recomputing import recomputed
 from joshua_dataset.repair import repair
-from joshua_dataset.transform import Source, build, recomputed
+from joshua_dataset.transform import Source, build
 from small_dataset import TOP, write
 
 SIDE = "observation.images.side"

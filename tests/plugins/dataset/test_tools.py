@@ -22,7 +22,8 @@ from joshua_dataset.checking import check
 from joshua_dataset.commands import dataset as command
 from joshua_dataset.metadata import INFO, STATS
 from joshua_dataset.reader import Dataset, DatasetError
-from joshua_dataset.transform import Source, build, delete, recomputed
+from joshua_dataset.recomputing import recomputed
+from joshua_dataset.transform import Source, build, delete
 from joshua_dataset.writer import LeRobotWriter
 from small_dataset import TOP, write
 
@@ -322,7 +323,7 @@ def test_v21_is_read_and_converted(tmp_path: Path) -> None:
 def test_a_path_out_of_the_data_set_is_refused(tmp_path: Path) -> None:
     write(tmp_path / "a")
     rewrite(tmp_path / "a" / INFO, lambda info: info | {"data_path": "../../{chunk_index}{file_index}"})
-    with pytest.raises(DatasetError, match="is outside the data set"):
+    with pytest.raises(DatasetError, match=r"is outside .*: it contains \.\."):
         list(Dataset.read(tmp_path / "a").episode_list())
 
 

@@ -29,8 +29,9 @@ from joshua_dataset.lock import PRIVATE, WriterLock
 from joshua_dataset.open_episode import SYNC_S
 from joshua_dataset.pictures import FRAGMENT_S
 from joshua_dataset.reader import Dataset
+from joshua_dataset.recomputing import recompute
 from joshua_dataset.repair import repair
-from joshua_dataset.transform import delete, recompute
+from joshua_dataset.transform import delete
 from joshua_dataset.writer import LeRobotWriter
 from small_dataset import TOP
 

@@ -37,6 +37,30 @@ def test_runs_of_one_second_have_folders_of_their_own(tmp_path: Path) -> None:
         RunFolder.create(tmp_path / "file", "run", {})
 
 
+def test_only_the_owner_can_enter_a_run(tmp_path: Path) -> None:
+    former = os.umask(0)
+    try:
+        path = RunFolder.create(tmp_path / "runs", "run", {}).path
+    finally:
+        os.umask(former)
+    assert path.stat().st_mode & 0o777 == 0o700
+
+
+def test_checkpoints_are_written_and_removed_in_their_run_alone(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path, "run", {"seed": 1})
+    with pytest.raises(RunError, match=r"'\.\./\.\./state' cannot be a file name"):
+        folder.save(1, {"../../state": b"1"})
+    elsewhere = tmp_path / "elsewhere"
+    (elsewhere / "step_000000000001").mkdir(parents=True)
+    shutil.rmtree(folder.path / "checkpoints", ignore_errors=True)
+    (folder.path / "checkpoints").symlink_to(elsewhere)
+    with pytest.raises(RunError, match=r"the folder of the checkpoints .* is a symlink that leads outside"):
+        folder.save(2, {"a": b"2"})
+    with pytest.raises(RunError, match="is a symlink that leads outside"):
+        folder.checkpoints()
+    assert [path.name for path in elsewhere.iterdir()] == ["step_000000000001"]
+
+
 def test_a_full_disk_leaves_the_checkpoints_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = RunFolder.create(tmp_path, "run", {"seed": 1})
 

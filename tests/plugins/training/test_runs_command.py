@@ -1,4 +1,7 @@
-"""``joshua runs``: what it prints of the folders of runs, compares and removes."""
+"""``joshua runs``: what it prints of the folders of runs, compares and removes.
+
+Why one file: every test reads what the same command says of the same few runs.
+"""
 
 from __future__ import annotations
 

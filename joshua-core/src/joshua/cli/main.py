@@ -8,9 +8,10 @@ import gc
 import io
 import os
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO, cast
 
 from joshua.cli.exit_codes import ExitCode
+from joshua.plan.foreign_text import SafeStream
 
 if TYPE_CHECKING:
     import argparse
@@ -145,6 +146,7 @@ def _ready_streams() -> None:
             setattr(sys, name, open(descriptor, mode, closefd=False))  # noqa: SIM115
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
+    sys.stdout, sys.stderr = (cast("TextIO", SafeStream(stream)) for stream in (sys.stdout, sys.stderr))
 
 
 def _flushed(code: int) -> int:

@@ -12,6 +12,7 @@ import numpy as np
 
 from joshua.modes.test import RAN
 from joshua.plan import CheckResult, JointTrace, NodeReport, RunReport, installing
+from joshua.plan.private_files import create_private, make_private
 from joshua.supervisor.tables import GREEN, PLAIN, RED, YELLOW, Cell, Screen, columns
 
 HINT = "no picture of the test, which requires the extra plots: {}"
@@ -58,7 +59,7 @@ def write_reports(report: RunReport) -> Iterator[str]:
     for node in moved:
         name = node.full_name.strip("/").replace("/", "-")
         table, picture = (log.with_name(f"{log.stem}-{name}.{ending}") for ending in ("csv", "png"))
-        table.parent.mkdir(parents=True, exist_ok=True)
+        make_private(table.parent)
         yield _written("data", table, partial(write_table, node))
         if draw is not None:
             yield _written("picture", picture, partial(draw, node))
@@ -68,6 +69,7 @@ def write_reports(report: RunReport) -> Iterator[str]:
 
 def _written(what: str, path: Path, write: Callable[[Path], None]) -> str:
     try:
+        create_private(path)
         write(path)
     except OSError:
         path.unlink(missing_ok=True)  # an incomplete file

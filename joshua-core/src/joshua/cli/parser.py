@@ -14,6 +14,7 @@ from joshua.cli import table
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.options import add_run_options
 from joshua.cli.table import COMMANDS, Command
+from joshua.plan.foreign_text import raw
 
 DESCRIPTION = "One text file describes a robot, one command runs it: joshua --config FILE"
 EPILOG = """A command that takes a file takes it as FILE or as --config FILE.
@@ -46,6 +47,11 @@ class Parser(argparse.ArgumentParser):
         kwargs.setdefault("allow_abbrev", False)
         kwargs.setdefault("formatter_class", _HelpFormatter)
         super().__init__(*args, **kwargs)
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print help with the colours that argparse gives it."""
+        if message:
+            raw(file or sys.stderr).write(message)
 
     def error(self, message: str) -> NoReturn:
         """Print the message with the nearest valid option and exit with 2, or 3 if a plugin is missing."""

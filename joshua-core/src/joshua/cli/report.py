@@ -7,6 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from joshua.cli.exit_codes import ExitCode
+from joshua.plan.foreign_text import raw
 
 if TYPE_CHECKING:
     import argparse
@@ -56,7 +57,7 @@ def show_findings(result: PipelineResult, output_format: str) -> None:
         sys.stdout.write(render_json(result.diagnostics) + "\n")
     elif result.diagnostics:
         color, columns = wants_color(sys.stderr), columns_of(sys.stderr)
-        sys.stderr.write(render_text(result.diagnostics, result.sources, color, columns))
+        raw(sys.stderr).write(render_text(result.diagnostics, result.sources, color, columns))
 
 
 class NotStartedError(Exception):

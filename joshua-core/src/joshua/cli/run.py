@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.options import FAULT_ALONE
 from joshua.cli.report import NotStartedError, request_of
+from joshua.plan.foreign_text import raw
 
 if TYPE_CHECKING:
     import argparse
@@ -211,7 +212,7 @@ def conclude(plan: Plan, report: RunReport) -> int:
     from joshua.supervisor.tables import Screen
 
     rows = verdict(plan, report)
-    sys.stdout.writelines(f"{line}\n" for line in verdict_lines(rows, report, Screen.of(sys.stdout)))
+    raw(sys.stdout).writelines(f"{line}\n" for line in verdict_lines(rows, report, Screen.of(sys.stdout)))
     draw(report)
     return report.exit_code or (ExitCode.OK if passed(rows) else ExitCode.FAILED)
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from joshua.plan.feature import Feature
+from joshua.plan.safe_paths import check_distinct, safe_name
 
 #: Ending of the names of joints in LeRobot's units.
 LEROBOT_SUFFIX = ".pos"
@@ -18,10 +19,10 @@ class FeatureSet(Mapping[str, Feature]):
     """The features of a robot, a data set or a model, in order. Immutable.
 
     Args:
-        features: with unique keys.
+        features: with unique keys, which are names of files and folders, too.
 
     Raises:
-        ValueError: two features have the same key.
+        ValueError: two features have the same key, or a key cannot be a file name (``UnsafePathError``).
     """
 
     def __init__(self, features: Iterable[Feature] = ()) -> None:
@@ -29,7 +30,8 @@ class FeatureSet(Mapping[str, Feature]):
         for feature in features:
             if feature.key in self._features:
                 raise ValueError(f"two features are called {feature.key}: rename one of them")
-            self._features[feature.key] = feature
+            self._features[safe_name(feature.key, "the feature")] = feature
+        check_distinct(self._features, "the features")
 
     def __getitem__(self, key: str) -> Feature:
         return self._features[key]

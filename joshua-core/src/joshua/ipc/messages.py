@@ -246,9 +246,6 @@ ToSupervisor = Hello | NodeMessage
 
 _T = TypeVar("_T")
 
-_ESCAPES = {code: f"\\x{code:02x}" for code in (*range(9), *range(11, 32), *range(127, 160))}
-_ESCAPES |= {code: f"\\u{code:04x}" for code in (*range(0x202A, 0x202F), *range(0x2066, 0x206A))}
-
 
 @cache
 def _to_child() -> TypeAdapter[ToChild]:
@@ -284,17 +281,6 @@ def decode_for_child(payload: bytes) -> ToChild:
 def decode_for_supervisor(payload: bytes) -> ToSupervisor:
     """Reads a message of a child. Raises FrameError."""
     return _decode(_to_supervisor(), payload)
-
-
-def printable(text: str, limit: int = 0) -> str:
-    """Makes text from a device or the network safe for JSON and terminals.
-
-    Escapes lone surrogates, bidirectional controls, and control characters except tab and line feed. Cuts
-    text longer than ``limit`` characters (0: no limit).
-    """
-    if limit and len(text) > limit:
-        text = f"{text[:limit]}… ({len(text) - limit} more characters)"
-    return text.translate(_ESCAPES).encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def _decode(adapter: TypeAdapter[_T], payload: bytes) -> _T:

@@ -20,10 +20,10 @@ from joshua.ipc.messages import (
     Message,
     decode_for_supervisor,
     encode,
-    printable,
 )
 from joshua.node.context import NodeContext
 from joshua.node.verbs import LOCAL, Caller, InvalidRequestError, RefusedError, Verb, allowed, verbs_of
+from joshua.plan.foreign_text import printable
 
 #: Largest reply. Publish larger data on a topic.
 REPLY_LIMIT_BYTES = 1024 * 1024

@@ -16,13 +16,13 @@ from joshua.ipc.messages import (
     Progressed,
     Said,
     ThreadAge,
-    printable,
 )
 from joshua.node import ros_time
 from joshua.node.cadence import TrafficFigures
 from joshua.node.endpoints import Endpoints, MessageCallback, MessagePublisher, WriterMessageCallback
 from joshua.node.timers import Timer, TimerQueue
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
+from joshua.plan.foreign_text import printable
 from joshua.plan.progress import Progress
 
 #: Time without a poll after which a reader thread counts as hung, by kind of node. Inference may take long.

@@ -10,9 +10,10 @@ from collections.abc import Callable
 from typing import Any
 
 from joshua.ipc.line_budget import LINES_PER_S, LineBudget
-from joshua.ipc.messages import Log, printable
+from joshua.ipc.messages import Log
 from joshua.messages import encode, message_class
 from joshua.plan import NodeSpec, QosProfile
+from joshua.plan.foreign_text import printable
 from joshua.transport import NodeHandle
 
 #: Characters kept of one record.

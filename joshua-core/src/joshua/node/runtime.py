@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from joshua.ipc.messages import Call, CallReply, Failure, Heartbeat, Message, Report, Said, Step, printable
+from joshua.ipc.messages import Call, CallReply, Failure, Heartbeat, Message, Report, Said, Step
 from joshua.ipc.process_attributes import lock_memory, prefer_this_process, set_timer_slack
 from joshua.node import ros_time
 from joshua.node.behaviour import NodeBehaviour
@@ -23,6 +23,7 @@ from joshua.node.implementation import load_behaviour
 from joshua.node.logs import NodeLogHandler, RosoutPublisher, node_logger
 from joshua.node.verbs import Caller, verbs_of
 from joshua.plan import ActuatorFacts, CheckResult, JointTrace, ModelFacts, NodeReport, NodeSpec, installing
+from joshua.plan.foreign_text import printable
 from joshua.transport import Transport
 
 #: Interval of messages with running totals.

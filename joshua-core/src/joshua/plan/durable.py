@@ -98,7 +98,9 @@ class Files:
         """
         draft = path.with_name(f".{path.name}.part")
         try:
-            draft.write_bytes(content)
+            draft.unlink(missing_ok=True)  # of a kill; a link there is not followed
+            with draft.open("xb") as file:
+                file.write(content)
             self.sync(draft)
             self.replace(draft, path)
         except BaseException:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from joshua.ipc.run_bases import state_home
+from joshua.plan.private_files import make_private, private_opener
 
 _T = TypeVar("_T")
 
@@ -146,9 +147,9 @@ class LogFile:
                 )
 
     def _append(self, data: deque[bytes]) -> None:
-        self.path.parent.mkdir(parents=True, exist_ok=True)
+        make_private(self.path.parent)
         while data:
-            with self.path.open("ab") as file:
+            with open(self.path, "ab", opener=private_opener) as file:
                 while data and (file.tell() == 0 or file.tell() + len(data[0]) <= self._max_file_bytes):
                     file.write(data.popleft())
             if data:

@@ -7,11 +7,12 @@ import logging
 import time
 import traceback
 from collections.abc import Callable, Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from joshua.ipc.messages import printable
 from joshua.plan.events import Event, LogEntry, event_name, event_record
+from joshua.plan.foreign_text import printable
 from joshua.supervisor.log_files import LogFile, remove_old_logs
 from joshua.supervisor.reactor import Reactor
 
@@ -75,10 +76,11 @@ class Logbook(logging.Handler):
 
     def write(self, level: int, text: str, node: str = "") -> None:
         """Writes a line of the supervisor about a node or about the run."""
-        self.add(LogEntry(time.time_ns(), node, level, printable(text), stream="supervisor"))
+        self.add(LogEntry(time.time_ns(), node, level, text, stream="supervisor"))
 
     def add(self, entry: LogEntry) -> None:
-        """Writes an entry. Supervisor's thread only."""
+        """Writes an entry, its text printable. Supervisor's thread only."""
+        entry = replace(entry, text=printable(entry.text))
         self._file.put(entry.as_json())
         self.publish(entry)
 
@@ -98,5 +100,5 @@ class Logbook(logging.Handler):
         super().close()
 
     def _post(self, level: int, text: str, logger: str = "") -> None:
-        entry = LogEntry(time.time_ns(), "", level, printable(text), logger=logger, stream="supervisor")
+        entry = LogEntry(time.time_ns(), "", level, text, logger=logger, stream="supervisor")
         self._reactor.post(lambda: self.add(entry))

@@ -16,9 +16,9 @@ from enum import Enum
 
 from joshua.guardian.silence import ThreadTime, thread_time
 from joshua.ipc import messages as ipc
-from joshua.ipc.messages import printable
 from joshua.plan import ActuatorFacts, NodeFacts, NodeSpec, RunFacts, TransportSettings, installing
 from joshua.plan.events import LogEntry
+from joshua.plan.foreign_text import printable
 from joshua.supervisor.child import Child, ChildEvent, Output
 from joshua.supervisor.fork_server import ForkServerEvent
 from joshua.supervisor.heartbeats import HeartbeatWatch

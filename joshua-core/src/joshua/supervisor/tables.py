@@ -15,6 +15,7 @@ from typing import TextIO
 from joshua.config.diagnostics import wants_color
 from joshua.plan import NodeReport, RunReport, Severity
 from joshua.plan.events import LogEntry, NodeRow, NodeStatus, RunStatus, StartTable
+from joshua.plan.foreign_text import printable
 from joshua.plan.progress import Progress
 
 REPORT_HEADINGS = ("NODE", "TIMER OR TOPIC", "TARGET", "ACHIEVED", "P50", "P99", "P99.9", "OVERRUNS", "COUNT")
@@ -32,12 +33,6 @@ _GAP = "  "
 NO_BREAK = "\N{NO-BREAK SPACE}"  # in a cell; printed as a space
 _NARROWEST = 12  # minimum width of a shortened or wrapped column
 _WRAPPED = 28  # columns are dropped before a wrapped one becomes narrower than this
-_CONTROL = {code: f"\\x{code:02x}" for code in (*range(32), 127, *range(128, 160)) if code not in (9, 10)}
-
-
-def clean(text: str) -> str:
-    """Make control characters visible, because a node must not control the user's terminal."""
-    return text.translate(_CONTROL)
 
 
 @dataclass(frozen=True)
@@ -59,7 +54,7 @@ class Screen:
 
     def wrap(self, text: str, label: str = "", style: str = "", indent: int = 2) -> list[str]:
         """Wrap a sentence behind a painted label; the lines after the first are indented."""
-        text = clean(text)
+        text, label = printable(text), printable(label)
         lines = [text]
         if self.columns:
             lines = textwrap.wrap(
@@ -84,7 +79,7 @@ class Cell(str):
     @classmethod
     def of(cls, text: str, style: str) -> Cell:
         """A styled cell."""
-        cell = cls(clean(text))
+        cell = cls(printable(text))
         cell.style = style
         return cell
 
@@ -116,7 +111,7 @@ def columns(
         drop: columns that are then dropped, the least important first.
         flexible: column that is shortened last; the last column is wrapped instead.
     """
-    table = [[cell if isinstance(cell, Cell) else Cell(clean(cell)) for cell in row] for row in rows]
+    table = [[cell if isinstance(cell, Cell) else Cell(printable(cell)) for cell in row] for row in rows]
     widths = [max(len(cell) for cell in column) for column in zip(*table, strict=True)]
     kept = list(range(len(widths)))
     indent = ""
@@ -232,12 +227,12 @@ def node_cells(node: NodeStatus, *, full_topics: bool = False) -> list[Cell]:
     """A node's state in cells: its name, its text, its progress, and its publish rates."""
     texts = [node.full_name, *([f"[{node.shown}]"] if node.shown else [])]
     if node.state == "fault":
-        name, *shown = map(clean, texts)
+        name, *shown = map(printable, texts)
         return [Cell(name), state_cell(node), *map(Cell, shown)]
     if node.state != "ready":
-        return [Cell(clean(node.full_name)), state_cell(node)]
+        return [Cell(printable(node.full_name)), state_cell(node)]
     texts += [f"[{progress_text(item)}]" for item in node.progress]
-    return [*(Cell(clean(text)) for text in texts), *_rate_cells(node, full_topics)]
+    return [*(Cell(printable(text)) for text in texts), *_rate_cells(node, full_topics)]
 
 
 def state_cell(node: NodeStatus) -> Cell:
@@ -258,7 +253,7 @@ def _rate_cells(node: NodeStatus, full_topics: bool) -> list[Cell]:
             rate = f"{rate_hz:.1f} of {target_hz:g} Hz!".replace(" ", NO_BREAK)
             cells.append(Cell.of(f"{name} {rate}", RED))
         else:
-            cells.append(Cell(clean(f"{name} {rate_hz:.1f}{NO_BREAK}Hz")))
+            cells.append(Cell(printable(f"{name} {rate_hz:.1f}{NO_BREAK}Hz")))
     return cells
 
 

@@ -10,6 +10,7 @@ from typing import TextIO
 
 from joshua.plan import RunReport
 from joshua.plan.events import Event, LogEntry, RunStatus, StartTable
+from joshua.plan.foreign_text import raw
 from joshua.supervisor.log_files import BackgroundWriter
 from joshua.supervisor.tables import Screen, log_line, report_lines, start_lines, status_lines
 
@@ -98,7 +99,7 @@ class Terminal:
     def _write(self, batch: list[tuple[TextIO, str]]) -> None:
         for stream, text in batch:
             try:
-                stream.write(text)
+                raw(stream).write(text)
                 stream.flush()
             except (OSError, ValueError):
                 continue  # the reader has closed it; the run goes on

@@ -67,8 +67,9 @@ from joshua.cli.report import NotStartedError as NotStartedError
 from joshua.cli.stand_ins import replace_devices as replace_devices
 from joshua.cli.stand_ins import EmulatedRig as EmulatedRig
 from joshua.supervisor.tables import Screen as Screen
-from joshua.supervisor.tables import clean as clean
 from joshua.supervisor.tables import columns as columns
+from joshua.plan.foreign_text import printable as printable
+from joshua.plan.foreign_text import raw as raw
 from joshua.cli.running import node_that_holds as node_that_holds
 
 # Configuration text

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from joshua.cli.exit_codes import ExitCode
 from joshua.ipc.client import CallError
+from joshua.plan.foreign_text import printable, raw
 
 #: Interval at which the screen is drawn again, s.
 _REDRAW_S = 0.5
@@ -41,7 +42,8 @@ def key_screen(
     with _single_keys() as key:
         while True:
             shown = screen(shutil.get_terminal_size().columns)
-            sys.stdout.write(f"\x1b[H\x1b[J{shown}\n\n{help_text}\n{said}\n")
+            text = printable(f"{shown}\n\n{help_text}\n{said}\n")
+            raw(sys.stdout).write(f"\x1b[H\x1b[J{text}")
             sys.stdout.flush()
             pressed = key(_REDRAW_S)
             if pressed in _LEAVE:

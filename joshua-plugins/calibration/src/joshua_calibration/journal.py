@@ -6,6 +6,7 @@ import os
 import tempfile
 from pathlib import Path
 
+from joshua.api.files import make_private
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from joshua_calibration.arm_file import sync_folder
@@ -68,7 +69,7 @@ class Journal:
     def write(self, record: Record) -> None:
         """Write the record durably. Raises JournalRefused."""
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
+            make_private(self.path.parent)
             handle, name = tempfile.mkstemp(prefix=f".{self.path.name}.", dir=self.path.parent)
             with os.fdopen(handle, "wb") as file:
                 file.write(record.model_dump_json(indent=1).encode())

@@ -10,6 +10,8 @@ import termios
 from collections.abc import Iterable, Sequence
 from typing import Any, TextIO
 
+from joshua.tools import printable, raw
+
 from joshua_calibration.front_end import Ask, Board, FrontEnd, Request
 from joshua_calibration.table import board_lines, event_text
 
@@ -48,12 +50,12 @@ class TerminalFrontEnd(FrontEnd):
             text = event_text(self._before, board)
             self._before = board
             if text:
-                self._put(text + "\n")
+                self._put(f"{printable(text)}\n")
             return
         width = shutil.get_terminal_size().columns - 1
         lines = board_lines(board, width, unicode=self._unicode)
         up = _UP.format(self._lines) if self._lines else ""
-        body = "".join(f"{line}{_CLEAR_LINE}\n" for line in lines)
+        body = "".join(f"{printable(line)}{_CLEAR_LINE}\n" for line in lines)
         self._put(f"{up}\r{body}{_CLEAR_DOWN}")
         self._lines = len(lines)
 
@@ -61,7 +63,7 @@ class TerminalFrontEnd(FrontEnd):
         """Write a line above the table."""
         up = f"{_UP.format(self._lines)}\r{_CLEAR_DOWN}" if self._lines else ""
         self._lines = 0
-        self._put(f"{up}{text}\n")
+        self._put(f"{up}{printable(text)}\n")
 
     def requests(self) -> Sequence[Request]:
         """Return the requests from keys or lines."""
@@ -95,7 +97,7 @@ class TerminalFrontEnd(FrontEnd):
 
     def _put(self, text: str) -> None:
         with contextlib.suppress(OSError, ValueError):  # the reader is gone; the calibration continues
-            self._screen.write(text)
+            raw(self._screen).write(text)
             self._screen.flush()
 
 

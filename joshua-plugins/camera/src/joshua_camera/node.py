@@ -9,6 +9,7 @@ from pathlib import Path
 
 from joshua.api import NodeContext, Reading
 from joshua.api.clocks import witness
+from joshua.api.files import create_private, make_private
 from joshua.api.nodes import SensorNode
 from joshua.tools import log_directory
 from joshua_preview import Preview, display_problem
@@ -117,7 +118,8 @@ class CameraNode(SensorNode):
         name = re.sub(r"[^A-Za-z0-9_]+", "_", self.context.spec.full_name).strip("_")
         path = log_directory(os.environ) / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.jpg"
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_private(path.parent)
+            create_private(path)
             path.write_bytes(self._last_picture.as_jpeg())
         except OSError as error:
             return ("last picture", False, f"cannot be written to {path}: {(error.strerror or '').lower()}")

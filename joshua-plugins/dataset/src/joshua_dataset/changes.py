@@ -22,7 +22,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
-from joshua.api.files import free_name
+from joshua.api.files import file_inside, free_name, inside, name_inside, tree_inside
 from joshua.features import EpisodeError
 from joshua.tools import parse_json
 
@@ -32,6 +32,8 @@ from joshua_dataset.metadata import INFO, is_own
 from joshua_dataset.open_episode import open_folder
 
 JOURNAL = "journal.json"
+
+_PLACE = Path(PRIVATE) / "change"
 
 
 class _Kind(Enum):
@@ -49,13 +51,13 @@ _Move = tuple[_Kind, Path, Path]
 
 
 def change_folder(folder: Path) -> Path:
-    """Return the private folder of a data set's change."""
-    return folder / PRIVATE / "change"
+    """Return the private folder of a data set's change. Raises UnsafePathError for one elsewhere."""
+    return inside(folder, _PLACE, "the folder of the change")
 
 
 def is_interrupted(folder: Path) -> bool:
     """Return whether a decided change of a data set is not complete."""
-    return os.path.lexists(change_folder(folder) / JOURNAL)
+    return os.path.lexists(folder / _PLACE / JOURNAL)
 
 
 class Change:
@@ -67,23 +69,29 @@ class Change:
     Attributes:
         place: private folder of the change.
         is_decided: the change is going to be complete, whatever happens.
+
+    Raises:
+        UnsafePathError: a path leads out of the data set. The methods raise it, too.
     """
 
     def __init__(self, folder: Path, files: Files) -> None:
         self._folder, self._files = folder, files
-        self.place = change_folder(folder)
+        self.place = folder / _PLACE
         self.is_decided = False
+        self._has_begun = False
         self._staged: list[Path] = []
         self._moves: list[_Move] = []
         self._last: _Move | None = None
 
     def begin(self) -> None:
         """Make the private folder, without what an undecided change left there. Raises OSError."""
+        change_folder(self._folder)
         if is_interrupted(self._folder):
             raise OSError(errno.EBUSY, "a change is not complete", str(self.place))
         if os.path.lexists(self.place):
             shutil.rmtree(self.place)
         self._files.make_folder(self.place)
+        self._has_begun = True
 
     def table(self, path: Path, table: pa.Table) -> None:
         """Write a table in the format that the suffix names: ``.parquet``, ``.csv`` or ``.jsonl``.
@@ -114,7 +122,7 @@ class Change:
 
     def put(self, source: Path, path: Path, *, last: bool = False) -> None:
         """Move a complete file or folder of the private folder into place; an older one is replaced."""
-        move = (_Kind.PUT, source, path)
+        move = (_Kind.PUT, name_inside(self._folder, source), name_inside(self._folder, path))
         if last:
             self._last = move
         else:
@@ -139,22 +147,22 @@ class Change:
 
     def retire(self, path: Path) -> None:
         """Remove a file or folder of the data set, before files are put into place."""
-        self._moves.append((_Kind.CLEAR, path, self._old()))
+        self._moves.append((_Kind.CLEAR, name_inside(self._folder, path), self._old()))
 
     def clear(self, path: Path) -> None:
         """Move aside what has the name of a file that is put, although nothing counts it."""
-        if os.path.lexists(path):
+        if os.path.lexists(name_inside(self._folder, path)):
             target = free_name(aside_folder(self._folder), f"uncounted-{len(self._moves)}-{path.name}")
             self._moves.append((_Kind.CLEAR, path, target))
 
     def drop(self, path: Path) -> None:
         """Remove a folder of the private folder after files of it were put into place."""
-        self._moves.append((_Kind.LEAVE, path, self._old()))
+        self._moves.append((_Kind.LEAVE, name_inside(self._folder, path), self._old()))
 
     def move_aside(self, path: Path, name: str) -> Path:
         """Move a folder to where nothing is removed, as ``drop``; return its place."""
         target = free_name(aside_folder(self._folder), name)
-        self._moves.append((_Kind.LEAVE, path, target))
+        self._moves.append((_Kind.LEAVE, name_inside(self._folder, path), target))
         return target
 
     def commit(self) -> None:
@@ -175,7 +183,7 @@ class Change:
 
     def discard(self) -> None:
         """Remove what was prepared; a decided change stays. Files of ``put`` stay where they are."""
-        if not self.is_decided:
+        if self._has_begun and not self.is_decided:
             with contextlib.suppress(OSError):  # the next change removes it
                 shutil.rmtree(self.place)
 
@@ -190,6 +198,10 @@ class Change:
         """Bring everything that the journal names to the disk."""
         sources = [source for kind, source, _ in self._all if kind is _Kind.PUT]
         for source in sources:
+            if source.is_dir():
+                tree_inside(self._folder, source, "the folder")
+            else:
+                file_inside(self._folder, source)
             for path in (source, *source.rglob("*")) if source.is_dir() else (source,):
                 if path.is_dir():
                     self._files.sync_folder(path)
@@ -307,7 +319,7 @@ def recover(folder: Path, files: Files | None = None) -> bool:
     files = files or Files()
     place = change_folder(folder)
     try:
-        text = (place / JOURNAL).read_bytes()
+        text = file_inside(folder, place / JOURNAL, "the journal of the change").read_bytes()
     except FileNotFoundError:
         if os.path.lexists(place):
             shutil.rmtree(place)
@@ -327,12 +339,7 @@ def recover(folder: Path, files: Files | None = None) -> bool:
 def _move_of(folder: Path, row: Any) -> _Move:
     """Return a move from its journal. Raises ValueError for a path outside the data set."""
     kind, *names = row
-    paths = [folder / str(name) for name in names]
-    root = folder.resolve()
-    for path in paths:
-        if not path.parent.resolve().is_relative_to(root) or ".." in path.parts[len(folder.parts) :]:
-            raise ValueError(f"{path} is outside the data set")
-    source, target = paths
+    source, target = (name_inside(folder, str(name)) for name in names)
     return _Kind(kind), source, target
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 from pathlib import Path
 from typing import Any
 
 from joshua.api.files import Files as Files
-from joshua.api.files import remedy
+from joshua.api.files import inside, remedy
 
 from joshua_dataset.lock import PRIVATE
 
@@ -35,8 +36,22 @@ def remedy_first(error: Exception, then: str) -> str:
 
 
 def aside_folder(folder: Path) -> Path:
-    """Return the folder of what could not be mended in a data set; no command removes anything from it."""
-    return folder / PRIVATE / "aside"
+    """Return the folder of what could not be mended in a data set; no command removes anything from it.
+
+    Raises:
+        UnsafePathError: it is elsewhere.
+    """
+    return inside(folder, Path(PRIVATE) / "aside", "the folder of what was moved aside")
+
+
+def remove_empty_folders(top: Path) -> None:
+    """Remove the empty folders below a folder of a data set; what contains a file stays."""
+    if top.is_symlink():
+        return
+    for place, _, _ in os.walk(top, topdown=False):
+        if Path(place) != top:
+            with contextlib.suppress(OSError):  # it is not empty
+                Path(place).rmdir()
 
 
 class PatientFile(io.RawIOBase):

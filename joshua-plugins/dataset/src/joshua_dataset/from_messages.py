@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from joshua.api.files import UnsafePathError, file_inside
 from joshua.features import Feature, Frame, Unit
 from joshua.messages import MessageError, decode
 from joshua.messages.arrays import acquired_ns, array_of
@@ -22,6 +24,14 @@ from joshua_dataset.streams import Stream, picture
 
 #: How many messages of a topic are read ahead, for its rate and its phase.
 AHEAD = 30
+
+
+def message_file(dataset: Dataset, episode: Episode) -> Path:
+    """Return the file of an episode's messages. Raises DatasetError for one outside the data set."""
+    try:
+        return file_inside(dataset.folder, episode.table / FILE, "the messages")
+    except UnsafePathError as error:
+        raise DatasetError(f"{dataset.folder}: episode {episode.index}: {error}") from error
 
 
 class MessageFrames:
@@ -40,7 +50,7 @@ class MessageFrames:
     def __init__(self, dataset: Dataset, episode: Episode) -> None:
         self._features, self._identity = dataset.features, dataset.identity
         self._settings = StoreSettings(folder=str(dataset.folder), format="mcap", fps=dataset.fps)
-        self._path = episode.table / FILE
+        self._path = message_file(dataset, episode)
         topics = dataset.topics
         shown = [item for item in dataset.features.values() if item.key != ACQUISITION]
         lost = [item.key for item in shown if item.key not in topics]
@@ -124,7 +134,7 @@ class MessageFrames:
 def problems(dataset: Dataset, episode: Episode) -> Iterator[tuple[str, bool]]:
     """Yield each problem of an episode of messages, and whether it is serious."""
     stamps: dict[str, list[int]] = {}
-    path = episode.table / FILE
+    path = message_file(dataset, episode)
     if not path.is_file():
         yield f"{path} is missing", True
         return

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from joshua.api.files import FileLock, LockTaken
+from joshua.api.files import FileLock, LockTaken, file_inside
 from joshua.features import EpisodeError
 
 #: Folder of the writer's own files inside a data set; readers of LeRobot's layout ignore it.
 PRIVATE = ".joshua"
+
+_LOCK = "lock"
 
 
 class WriterLock:
@@ -20,7 +22,7 @@ class WriterLock:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._lock = FileLock(folder / PRIVATE / "lock")
+        self._lock = FileLock(folder / PRIVATE / _LOCK)
 
     @property
     def is_held(self) -> bool:
@@ -34,13 +36,20 @@ class WriterLock:
             raise EpisodeError(
                 f"{private} is a link, and a data set keeps its own files inside itself. Remove the link"
             )
+        file_inside(self._folder, private / _LOCK, "the lock")
         try:
             self._lock.take()
         except LockTaken as error:
             raise self._taken(error) from None
 
     def require_free(self) -> None:
-        """Check that no other process writes, without a change. Raises EpisodeError that names it."""
+        """Check that no other process writes, without a change.
+
+        Raises:
+            EpisodeError: another process writes; the message names it.
+            UnsafePathError: the lock is elsewhere, or not a file.
+        """
+        file_inside(self._folder, Path(PRIVATE) / _LOCK, "the lock")
         try:
             self._lock.require_free()
         except LockTaken as error:

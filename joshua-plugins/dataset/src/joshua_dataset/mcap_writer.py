@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 import pyarrow as pa
+from joshua.api.files import file_inside, inside
 from joshua.features import DatasetLayout, EpisodeError, Frame
 from joshua.messages import MessageError, encode
 
@@ -138,8 +139,9 @@ class McapWriter(DatasetWriter):
             EpisodeError: the system does not let it be read or kept; everything stays where it is.
         """
         folder = open_folder(self.layout.folder)
-        whole = folder / "whole"
         try:
+            whole = inside(self.layout.folder, folder / "whole", "the messages")
+            file_inside(self.layout.folder, folder / _BAG / FILE, "the messages")
             if whole.exists():  # a copy of a repair that did not come to its end
                 shutil.rmtree(whole)
             bag, is_damaged = completed(folder / _BAG, whole)

@@ -55,6 +55,9 @@ MESSAGES = "messages"
 OURS = "joshua"
 
 
+#: What a data set consists of beside files.
+FOLDERS = ("data", "meta", "videos", "images")
+
 #: Names of the files of a data set, in the layouts v2 and v3, and of the folders of its episodes.
 _OWN = re.compile(
     r"data/chunk-\d+/(file|episode)[-_]\d+(\.parquet|\.csv|\.jsonl)?"

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from joshua.api.files import is_system_error
+from joshua.api.files import file_inside, inside, is_system_error, safe_name
 from joshua.features import DatasetLayout, EpisodeError
 from joshua.tools import parse_json
 
@@ -37,8 +37,8 @@ SYNC_S = 1.0
 
 
 def open_folder(folder: Path) -> Path:
-    """Return the folder of a data set's open episode."""
-    return folder / PRIVATE / "open"
+    """Return the folder of a data set's open episode. Raises UnsafePathError for one elsewhere."""
+    return inside(folder, Path(PRIVATE) / "open", "the open episode")
 
 
 def begin(folder: Path, number: int, journal: Mapping[str, Any], files: Files) -> Path:
@@ -255,12 +255,17 @@ class OpenEpisode:
 
 
 def pictures_path(layout: DatasetLayout, key: str) -> Path:
-    """Return the file or folder of the pictures of a feature in the open episode."""
-    return open_folder(layout.folder) / f"{key}{SUFFIXES[layout.pictures]}"
+    """Return the file or folder of the pictures of a feature in the open episode. Raises UnsafePathError."""
+    name = f"{safe_name(key, 'the feature')}{SUFFIXES[layout.pictures]}"
+    return inside(open_folder(layout.folder), name, "the pictures")
 
 
 def remove(folder: Path) -> None:
-    """Remove the open episode of a data set, which was discarded or is kept."""
+    """Remove the open episode of a data set, which was discarded or is kept.
+
+    Raises:
+        UnsafePathError: it is elsewhere.
+    """
     shutil.rmtree(open_folder(folder), ignore_errors=True)
 
 
@@ -268,14 +273,15 @@ def read_journal(folder: Path) -> dict[str, Any] | None:
     """Return the journal of an open episode; None if there is none, {} if it is not valid.
 
     Raises:
-        EpisodeError: the system does not let it be read.
+        EpisodeError: the system does not let it be read, or it is elsewhere, or not a file.
     """
-    place = open_folder(folder)
     try:
-        record = parse_json((place / JOURNAL).read_text(encoding="utf-8"))
+        path = file_inside(folder, open_folder(folder) / JOURNAL, "the description of the open episode")
+        record = parse_json(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        return {} if place.exists() else None
+        return {} if open_folder(folder).exists() else None
     except OSError as error:
+        place = folder / PRIVATE / "open"
         raise EpisodeError(
             f"{place / JOURNAL} cannot be read: {reason(error)}. The unfinished episode stays in {place}"
         ) from error
@@ -289,10 +295,13 @@ def whole_rows(folder: Path) -> tuple[pa.Table | None, bool]:
 
     Only the last batch of a file can be torn.
 
+    Args:
+        folder: of the open episode.
+
     Raises:
-        OSError: the system does not let the file be read.
+        OSError: the system does not let the file be read, or it is elsewhere, or not a file.
     """
-    path = folder / ROWS
+    path = file_inside(folder, ROWS, "the rows of the open episode")
     batches: list[pa.RecordBatch] = []
     largest = end = 0
     schema = None

@@ -17,6 +17,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
+from joshua.api.files import UnsafePathError, file_inside, filled, inside
 from joshua.features import FeatureSet
 
 from joshua_dataset import statistics
@@ -172,6 +173,8 @@ class Dataset:
                 index = int(row["episode_index"])
                 if index < self.episodes and (wanted is None or index in wanted):
                     yield self._episode(row, index)
+            except UnsafePathError as error:
+                raise DatasetError(f"{self.folder / 'meta'}: episode {index}: {error}") from error
             except (KeyError, TypeError, ValueError, IndexError) as error:
                 raise DatasetError(
                     f"{self.folder / 'meta'}: the row of an episode is not valid: "
@@ -228,11 +231,12 @@ class Dataset:
                 for value in self._table(episode).column(key):
                     yield picture_of(value.as_py()["bytes"], where.path, height, width)
             elif self._kind(key) == "video":
+                file_inside(self.folder, where.path, "the video")
                 yield from pictures_of_video(where, self.fps, height, width)
             else:
                 suffix = ".png" if self.pictures == "png" else ".jpg"
                 for number in range(where.frames):
-                    path = where.path / f"frame-{number:06d}{suffix}"
+                    path = file_inside(self.folder, where.path / f"frame-{number:06d}{suffix}", "the picture")
                     yield picture_of(path.read_bytes(), path, height, width)
         except (OSError, av.FFmpegError, TypeError, KeyError, ValueError) as error:
             raise DatasetError(f"{where.path}: {error}") from error
@@ -246,6 +250,7 @@ class Dataset:
     def _table(self, episode: Episode) -> pa.Table:
         path = episode.table
         try:
+            file_inside(self.folder, path, "the table")
             if path.suffix == ".csv":
                 table = pa_csv.read_csv(path)
             elif path.suffix == ".jsonl":
@@ -273,7 +278,16 @@ class Dataset:
         return found
 
     def _rows_v3(self) -> Iterator[dict[str, Any]]:
-        for path in sorted((self.folder / "meta" / "episodes").glob("chunk-*/file-*.parquet")):
+        folder = self.folder / "meta" / "episodes"
+        try:
+            paths = [
+                file_inside(self.folder, path)
+                for chunk in sorted(inside(self.folder, folder).glob("chunk-*"))
+                for path in sorted(inside(self.folder, chunk).glob("file-*.parquet"))
+            ]
+        except OSError as error:
+            raise DatasetError(f"{folder} cannot be read: {error}") from error
+        for path in paths:
             try:
                 with pq.ParquetFile(path) as file:
                     for batch in file.iter_batches(batch_size=64):
@@ -284,9 +298,10 @@ class Dataset:
     def _rows_v2(self) -> Iterator[dict[str, Any]]:
         meta = self.folder / "meta"
         found = {
-            int(r["episode_index"]): r.get("stats", {}) for r in _lines(meta / "episodes_stats.jsonl", False)
+            int(r["episode_index"]): r.get("stats", {})
+            for r in _lines(self.folder, meta / "episodes_stats.jsonl", False)
         }
-        for row in _lines(meta / "episodes.jsonl", True):
+        for row in _lines(self.folder, meta / "episodes.jsonl", True):
             yield row | {"stats": found.get(int(row["episode_index"]), {})}
 
     def _episode(self, row: Mapping[str, Any], index: int) -> Episode:
@@ -316,11 +331,8 @@ class Dataset:
         return Episode(index, length, tuple(map(str, row["tasks"])), table, pictures, found, counts)
 
     def _inside(self, template: str, values: Mapping[str, Any]) -> Path:
-        """Return a path in the data set. Raises ValueError for one outside it."""
-        path = self.folder / template.format(**values)
-        if not path.resolve().is_relative_to(self.folder.resolve()):
-            raise ValueError(f"the path {path} is outside the data set")
-        return path
+        """Return a path in the data set. Raises UnsafePathError for one outside it."""
+        return inside(self.folder, filled(template, values))
 
 
 def _codec(described: Mapping[str, Any]) -> str:
@@ -332,6 +344,7 @@ def _tasks(folder: Path, version: str) -> tuple[str, ...]:
     if version == "v3.0":
         path = folder / TASKS
         try:
+            file_inside(folder, path)
             columns = pq.read_table(path).to_pydict()
         except FileNotFoundError:
             return ()
@@ -340,14 +353,14 @@ def _tasks(folder: Path, version: str) -> tuple[str, ...]:
         names: list[Any] = next((values for name, values in columns.items() if name != "task_index"), [])
         pairs = zip(columns["task_index"], names, strict=True)
     else:
-        rows = list(_lines(folder / "meta" / "tasks.jsonl", True))
+        rows = list(_lines(folder, folder / "meta" / "tasks.jsonl", True))
         pairs = zip((row["task_index"] for row in rows), (row["task"] for row in rows), strict=True)
     return tuple(str(name) for _, name in sorted(pairs))
 
 
 def _json(path: Path, folder: Path) -> Any:
     try:
-        if path.stat().st_size > LARGEST_JSON:
+        if file_inside(folder, path).stat().st_size > LARGEST_JSON:
             raise DatasetError(f"{path} is larger than {LARGEST_JSON >> 20} MB")
         return json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
@@ -361,8 +374,9 @@ def _json(path: Path, folder: Path) -> Any:
         raise DatasetError(f"{path} cannot be read: {error}") from error
 
 
-def _lines(path: Path, needed: bool) -> Iterator[dict[str, Any]]:
+def _lines(folder: Path, path: Path, needed: bool) -> Iterator[dict[str, Any]]:
     try:
+        file_inside(folder, path)
         with path.open(encoding="utf-8") as file:
             for line in iter(lambda: file.readline(LARGEST_LINE), ""):
                 if len(line) >= LARGEST_LINE:

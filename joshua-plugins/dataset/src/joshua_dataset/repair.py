@@ -15,10 +15,12 @@ from joshua.features import DatasetLayout, EpisodeError, FeatureSet
 from joshua_dataset import changes, open_episode
 from joshua_dataset.files import Files, aside_folder, cause, remedy_first
 from joshua_dataset.formats import writer_of
-from joshua_dataset.lock import WriterLock
+from joshua_dataset.lock import PRIVATE, WriterLock
 from joshua_dataset.mcap_writer import McapWriter
-from joshua_dataset.metadata import INFO, OURS
-from joshua_dataset.reader import Dataset, DatasetError
+from joshua_dataset.metadata import INFO, OURS, check_layout
+from joshua_dataset.open_episode import SUFFIXES
+from joshua_dataset.pictures import ENCODERS
+from joshua_dataset.reader import NUMBER_TYPES, Dataset, DatasetError
 from joshua_dataset.writer import DatasetWriter
 
 
@@ -72,11 +74,8 @@ def repaired(folder: Path, *, cut: bool = False, files: Files | None = None) -> 
         has_recovered = changes.recover(folder, files)
         found = _finished(folder, lock, cut, files)
     except OSError as error:
-        what = (
-            f"The unfinished episode stays in {open_episode.open_folder(folder)}. "
-            if open_episode.open_folder(folder).exists()
-            else ""
-        )
+        place = folder / PRIVATE / "open"
+        what = f"The unfinished episode stays in {place}. " if place.exists() else ""
         raise EpisodeError(
             f"{folder} cannot be repaired: {cause(error)}. {what}"
             f"{remedy_first(error, f'run `joshua dataset repair {folder}` again')}"
@@ -155,17 +154,35 @@ def _layout(folder: Path, journal: dict[str, Any] | None) -> tuple[DatasetLayout
                 raise EpisodeError(str(error)) from error
         return DatasetLayout(folder, "", 1, FeatureSet()), writer_of(kind)
     try:
-        ours = info[OURS]
-        layout = DatasetLayout(
-            folder=folder,
-            robot_type=info["robot_type"],
-            fps=info["fps"],
-            features=FeatureSet.from_lerobot(info["features"]),
-            codec=ours["codec"],
-            pictures=ours["pictures"],
-            identity=ours["identity"],
-            counters=tuple(ours["counters"]),
-        )
-        return layout, writer_of(ours["format"])
-    except (KeyError, TypeError, ValueError) as error:
+        return _described(folder, info)
+    except (KeyError, TypeError, ValueError, AttributeError, EpisodeError) as error:
         raise _NotValid(str(error)) from error
+
+
+def _described(folder: Path, info: dict[str, Any]) -> tuple[DatasetLayout, type[DatasetWriter]]:
+    """Return the layout in a journal.
+
+    Raises:
+        KeyError, TypeError, ValueError, AttributeError, EpisodeError: it is not valid.
+    """
+    ours, fps = info[OURS], info["fps"]
+    if isinstance(fps, bool) or not isinstance(fps, int) or fps <= 0:
+        raise ValueError(f"fps is {fps!r}")
+    if ours["format"] != "mcap" and (ours["pictures"] not in SUFFIXES or ours["codec"] not in ENCODERS):
+        raise ValueError(f"pictures are {ours['pictures']!r}, and the codec is {ours['codec']!r}")
+    layout = DatasetLayout(
+        folder=folder,
+        robot_type=str(info["robot_type"]),
+        fps=fps,
+        features=FeatureSet.from_lerobot(info["features"]),
+        codec=ours["codec"],
+        pictures=ours["pictures"],
+        identity={str(name): str(value) for name, value in ours["identity"].items()},
+        counters=tuple(map(str, ours["counters"])),
+    )
+    for feature in layout.features.numbers:
+        if feature.dtype not in NUMBER_TYPES:
+            raise ValueError(f"{feature.key} has the dtype {feature.dtype!r}")
+    if ours["format"] != "mcap":
+        check_layout(layout, ours["format"])
+    return layout, writer_of(ours["format"])

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import av
-from joshua.api.files import is_system_error
+from joshua.api.files import file_inside, inside, is_system_error
 from joshua.features import DatasetLayout
 
 from joshua_dataset import mp4
@@ -46,7 +46,8 @@ def salvage(layout: DatasetLayout, files: Files | None = None) -> Salvaged:
     """Read the longest whole prefix of the open episode of a data set.
 
     Raises:
-        OSError, av.FFmpegError: the system does not let it be read, or its videos be completed.
+        OSError, av.FFmpegError: the system does not let it be read, or its videos be completed, or a path
+            leads out of the data set.
     """
     files = files or Files()
     rows, is_damaged = whole_rows(open_folder(layout.folder))
@@ -104,7 +105,10 @@ class _VideoPart(_Part):
     def __init__(self, layout: DatasetLayout, key: str, files: Files) -> None:
         super().__init__(layout, key)
         self._files = files
-        self._whole = self.path.with_name(f"{self.path.name}.whole")
+        file_inside(layout.folder, self.path, "the video")
+        self._whole = file_inside(
+            layout.folder, self.path.with_name(f"{self.path.name}.whole"), "the video to be completed"
+        )
         self._found = mp4.Fragments(False, 0, (0, b""), True)
         self._packets = 0
 
@@ -182,8 +186,9 @@ class _FilesPart(_Part):
         super().__init__(layout, key)
         self._files = files
         folder = open_folder(layout.folder)
-        self._unreadable = folder / f"{key}.unreadable"
-        self._spare = folder / f"{key}.spare"
+        self._folder = layout.folder
+        self._unreadable = inside(layout.folder, folder / f"{key}.unreadable")
+        self._spare = inside(layout.folder, folder / f"{key}.spare")
 
     def most(self) -> int:
         if not self.path.is_dir():
@@ -211,7 +216,7 @@ class _FilesPart(_Part):
 
     def _read(self, path: Path) -> Any:
         """Return a picture; None if it is damaged. Raises OSError of the system."""
-        data = path.read_bytes()
+        data = file_inside(self._folder, path, "the picture").read_bytes()
         try:
             return picture_of(data, path, self._height, self._width)
         except (DatasetError, IndexError, *ERRORS):

@@ -11,24 +11,25 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
+from joshua.api.files import file_inside, inside, safe_name, tree_inside
 from joshua.features import DatasetLayout, EpisodeError, FeatureError, FeatureSet, checked
 from joshua.messages import decode
 from joshua_jobs.executor import Executor
 from joshua_jobs.processes import in_order
 
 from joshua_dataset import statistics
-from joshua_dataset.bag import FILE, messages
+from joshua_dataset.bag import messages
 from joshua_dataset.changes import Watch, changing, is_interrupted
-from joshua_dataset.files import reason
+from joshua_dataset.files import reason, remove_empty_folders
 from joshua_dataset.formats import writer_of
-from joshua_dataset.from_messages import MessageFrames
+from joshua_dataset.from_messages import MessageFrames, message_file
 from joshua_dataset.lock import PRIVATE
 from joshua_dataset.mcap_writer import McapWriter
-from joshua_dataset.metadata import INDEX_COLUMNS, MESSAGES, STAMP, STATS
+from joshua_dataset.metadata import FOLDERS, INDEX_COLUMNS, MESSAGES, STAMP
 from joshua_dataset.open_episode import SUFFIXES, open_folder
-from joshua_dataset.pictures import ERRORS, PICTURE_STRIDE, Encoder, PictureFiles, Video
+from joshua_dataset.pictures import ERRORS, Encoder, PictureFiles, Video
 from joshua_dataset.reader import Dataset, DatasetError, Episode
-from joshua_dataset.statistics import PictureStatistics, Statistics
+from joshua_dataset.statistics import Statistics
 from joshua_dataset.writer import DatasetWriter, NotKept
 
 NS_PER_S = 1_000_000_000
@@ -193,19 +194,17 @@ def delete(folder: Path, episodes: Sequence[int], *, workers: Executor | int | N
             count = _fill(
                 [source], [there], layout, there.format, workers, lambda done, total: None, is_linked=True
             )
+        if count != len(kept):  # the rows of the others are missing
+            raise EpisodeError(
+                f"{folder}: only {count} of the {len(kept)} episodes to keep are described. Nothing is "
+                f"deleted. Run `joshua dataset check {folder}`"
+            )
         change.retire_all()
         change.put_made()
         change.commit()
-    _remove_empty_folders(folder)
+    for name in FOLDERS:
+        remove_empty_folders(folder / name)
     return count
-
-
-def _remove_empty_folders(folder: Path) -> None:
-    """Remove what deleted episodes leave of the folders of a data set."""
-    for top in ("data", "meta", "videos", "images"):
-        for path in sorted((folder / top).rglob("chunk-*"), reverse=True):
-            with contextlib.suppress(OSError):  # it is not empty
-                path.rmdir()
 
 
 def _copied_messages(dataset: Dataset, kept: Sequence[int], target: Path) -> int:
@@ -215,7 +214,7 @@ def _copied_messages(dataset: Dataset, kept: Sequence[int], target: Path) -> int
     with contextlib.closing(McapWriter(layout)) as writer:
         writer.open()
         for episode in dataset.episode_list(set(kept)):
-            for topic, type_name, record in messages(episode.table / FILE):
+            for topic, type_name, record in messages(message_file(dataset, episode)):
                 message = decode(type_name, record.data)
                 writer.add_message(topic, message, record.log_time, record.publish_time)
             writer.end_episode((episode.tasks or ("",))[0], episode.counts)
@@ -299,7 +298,7 @@ def _prepare(job: _Job) -> _Prepared:
         raise EpisodeError(f"episode {episode.index} of {job.folder}: {error}") from error
     kept[STAMP] = columns[STAMP]
     assert not set(kept) & (set(INDEX_COLUMNS) - {STAMP})
-    job.scratch.mkdir(parents=True, exist_ok=True)
+    inside(layout.folder, job.scratch).mkdir(parents=True, exist_ok=True)
     pictures = {feature.key: _pictures(job, dataset, feature.key) for feature in layout.features.pictures}
     return _Prepared(job.scratch, kept, pictures, (episode.tasks or ("",))[0], dict(episode.counts))
 
@@ -311,15 +310,17 @@ def _numbers(feature: Any, values: Any) -> Any:
 def _pictures(job: _Job, dataset: Dataset, key: str) -> Statistics:
     """Copy or encode the pictures of one feature; return their statistics."""
     layout, episode = job.layout, job.episode
-    path = job.scratch / f"{key}{SUFFIXES[layout.pictures]}"
+    path = job.scratch / f"{safe_name(key, 'the feature')}{SUFFIXES[layout.pictures]}"
     where = episode.pictures[key]
     known = {name: values for name, values in episode.statistics.get(key, {}).items() if values is not None}
     own_file = dataset.format != "lerobot" or "joshua" in dataset.info
     if own_file and layout.pictures == dataset.pictures and layout.codec == dataset.codec and known:
         copy = _linked if job.is_linked else shutil.copyfile
         if where.path.is_dir():
+            tree_inside(job.folder, where.path, "the pictures")
             shutil.copytree(where.path, path, copy_function=copy)
         else:
+            file_inside(job.folder, where.path, "the video")
             copy(where.path, path)
         try:
             return statistics.from_json(known)
@@ -357,46 +358,3 @@ def _linked(source: str | Path, target: str | Path) -> None:
         os.link(source, target)
     except OSError:
         shutil.copyfile(source, target)
-
-
-def recompute(folder: Path, *, workers: Executor | int | None = None) -> dict[str, Statistics]:
-    """Replace the statistics of a data set by those of its data; return them.
-
-    Raises:
-        EpisodeError, DatasetError: as ``delete``; the data set stays unchanged.
-    """
-    there = Dataset.read(folder).statistics()
-    with changing(folder) as change:
-        found = recomputed(folder, workers=workers)
-        values = {key: statistics.as_json(value) for key, value in (there | found).items()}
-        change.json(folder / STATS, values)
-        change.commit()
-    return found
-
-
-def recomputed(folder: Path, *, workers: Executor | int | None = None) -> dict[str, Statistics]:
-    """Recompute the statistics of a data set from its data. Raises DatasetError."""
-    dataset = Dataset.read(folder)
-    together: dict[str, Statistics] = {}
-    items = ((folder, episode) for episode in dataset.episode_list())
-    for found in in_order(_of_episode, items, workers):
-        for key, part in found.items():
-            together[key] = statistics.merged([together[key], part]) if key in together else part
-    return together
-
-
-def _of_episode(item: tuple[Path, Episode]) -> dict[str, Statistics]:
-    folder, episode = item
-    dataset = Dataset.read(folder)
-    columns = dataset.columns(episode)
-    found = {
-        feature.key: statistics.of_rows(columns[feature.key].reshape(episode.length, -1))
-        for feature in dataset.features.numbers
-    }
-    for feature in dataset.features.pictures:
-        seen = PictureStatistics()
-        for number, picture in enumerate(dataset.decoded(episode, feature.key)):
-            if number % PICTURE_STRIDE == 0:
-                seen.add(picture)
-        found[feature.key] = seen.result()
-    return found

@@ -8,7 +8,7 @@ however many precede it.
 An episode that cannot be written, or not be kept, stays on the disk as far as it is there. It can be kept
 later, by this writer or by a repair.
 
-Why one file: it is one class, whose methods are the life of an episode, with its five formats.
+Why one file: one class, whose every step reads or changes the state of the same open episode.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ from joshua.features import (
 
 from joshua_dataset import changes, metadata, open_episode, statistics
 from joshua_dataset.changes import Change
-from joshua_dataset.files import Files, cause, reason, remedy_first
+from joshua_dataset.files import Files, cause, reason, remedy_first, remove_empty_folders
 from joshua_dataset.lock import PRIVATE, WriterLock
-from joshua_dataset.metadata import INDEX_COLUMNS, INFO, STAMP, STATS, TASKS, check_layout
+from joshua_dataset.metadata import FOLDERS, INDEX_COLUMNS, INFO, STAMP, STATS, TASKS, check_layout
 from joshua_dataset.open_episode import OpenEpisode
 from joshua_dataset.pictures import ERRORS, Encoder
 from joshua_dataset.reader import Dataset, DatasetError
@@ -504,11 +504,9 @@ class DatasetWriter(EpisodeWriter):
 
     def _remove_empty_folders(self) -> None:
         folder = self.layout.folder
-        for name in ("data", "meta", "videos", "images", PRIVATE):
-            for inner in sorted((folder / name).rglob("*"), reverse=True):
-                with contextlib.suppress(OSError):  # files of others stay
-                    inner.rmdir()
-            with contextlib.suppress(OSError):
+        for name in (*FOLDERS, PRIVATE):
+            remove_empty_folders(folder / name)
+            with contextlib.suppress(OSError):  # files of others stay
                 (folder / name).rmdir()
         with contextlib.suppress(OSError):
             folder.rmdir()

@@ -6,6 +6,7 @@ import json
 import os
 from pathlib import Path
 
+from joshua.api.files import make_private
 from joshua.tools import parse_json
 
 
@@ -54,7 +55,7 @@ class EepromStore:
         self._images[str(slot)] = image.hex()
         if self._path is None:
             return
-        self._path.parent.mkdir(parents=True, exist_ok=True)
+        make_private(self._path.parent)
         text = json.dumps({"identity": self._identity, "slots": self._images}, indent=1)
         temporary = self._path.with_name(self._path.name + ".new")
         with temporary.open("w", encoding="utf-8") as file:

@@ -7,6 +7,7 @@ import re
 import time
 
 from joshua.api import NodeContext, Reading
+from joshua.api.files import create_private, make_private
 from joshua.api.nodes import SensorNode
 from joshua.tools import log_directory
 from joshua_preview import Preview, display_problem
@@ -110,7 +111,8 @@ class LidarNode(SensorNode):
 
         path = log_directory(os.environ) / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.png"
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_private(path.parent)
+            create_private(path)
             Image.fromarray(top_view(scan, beams)).save(path)
         except OSError as error:
             return ("last scan", False, f"cannot be written to {path}: {(error.strerror or '').lower()}")

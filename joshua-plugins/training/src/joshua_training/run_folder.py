@@ -1,4 +1,7 @@
-"""Folder of a run: settings, metrics, and checkpoints that are complete or absent."""
+"""Folder of a run: settings, metrics, and checkpoints that are complete or absent.
+
+Why one file: what is written into the folder, and how it is read, checked and removed, is one format.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from joshua.api.files import NO_SPACE, Files
+from joshua.api.files import NO_SPACE, Files, UnsafePathError, inside, safe_name
 from joshua.tools import parse_json
 
 #: Number of checkpoints kept beside the one being written.
@@ -130,7 +133,9 @@ class RunFolder:
         while True:
             path = parent / (f"{name}-{stamp}" + (f"-{number}" if number else ""))
             try:
-                path.mkdir(parents=True)
+                if not parent.exists():
+                    parent.mkdir(parents=True, exist_ok=True)
+                path.mkdir(0o700)
                 break
             except FileExistsError:  # of a run that started in the same second
                 number += 1
@@ -233,7 +238,15 @@ class RunFolder:
 
     def checkpoints(self) -> list[Path]:
         """Return the complete checkpoints, the oldest first."""
-        return sorted(path for path in (self.path / "checkpoints").glob("step_*") if path.is_dir())
+        return sorted(path for path in self._checkpoints.glob("step_*") if path.is_dir())
+
+    @property
+    def _checkpoints(self) -> Path:
+        """The folder of the checkpoints. Raises RunError for one elsewhere."""
+        try:
+            return inside(self.path, "checkpoints", "the folder of the checkpoints")
+        except UnsafePathError as error:
+            raise RunError(f"{self.path}: {error}") from error
 
     @property
     def then(self) -> str:
@@ -247,13 +260,13 @@ class RunFolder:
 
         def write(draft: Path) -> None:
             for name, content in files.items():
-                (draft / name).write_bytes(content)
+                (draft / safe_name(name, "the file")).write_bytes(content)
 
         return self.save_by(steps, write)
 
     def checkpoint(self, steps: int) -> Path:
         """Return the folder of the checkpoint after some steps."""
-        return self.path / "checkpoints" / f"step_{steps:012d}"
+        return self._checkpoints / f"step_{steps:012d}"
 
     def save_by(self, steps: int, write: Callable[[Path], None]) -> Path:
         """Write a checkpoint, move it into place atomically, and remove old ones.

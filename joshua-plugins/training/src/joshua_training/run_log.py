@@ -6,6 +6,8 @@ import logging
 from contextlib import suppress
 from typing import TextIO
 
+from joshua.api.texts import printable
+
 from joshua_training.run_folder import RunFolder, unwritable
 
 #: File in the folder of a run.
@@ -47,7 +49,7 @@ class RunLog(logging.Handler):
             self._early.append(record)
             return
         with suppress(OSError, TypeError, ValueError):  # of a wrong format string, too
-            self._file.write(f"{self.format(record)}\n")
+            self._file.write(f"{printable(self.format(record))}\n")
             self._file.flush()
 
     def note(self, level: int, text: str, error: BaseException | None = None) -> None:

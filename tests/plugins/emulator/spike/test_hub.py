@@ -7,11 +7,12 @@ import struct
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
+import hostile
 import pytest
 from joshua_emulator.event_log import EventLog
 from joshua_emulator.spike.hub import MAX_PROGRAM_SIZE, Answer, Command, HubFirmware
 from joshua_emulator.spike.motors import EmulatedMotor
-from joshua_emulator.spike.program import OTHER_PROGRAM, ProgramError, pack, unpack
+from joshua_emulator.spike.program import OTHER_PROGRAM, ProgramError, pack, unpack, write_modules
 from joshua_emulator.spike.runner import NoMicroPythonError, micropython_command
 from mpy_cross_v6 import mpy_cross_compile
 
@@ -180,3 +181,10 @@ def test_without_micropython_the_message_says_what_to_install(
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(NoMicroPythonError, match=r"\./run --with 'emulator\[spike\]'"):
         micropython_command()
+
+
+@pytest.mark.parametrize("name", hostile.NAMES.values(), ids=hostile.NAMES)
+def test_a_module_is_written_into_its_folder_alone(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ProgramError, match="the name of a module cannot be a file name"):
+        write_modules({name: b"M"}, tmp_path / "modules")
+    assert list(tmp_path.iterdir()) == []

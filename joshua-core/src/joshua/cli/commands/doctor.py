@@ -7,6 +7,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from joshua.cli.options import add_config_options
+from joshua.plan.foreign_text import raw
 
 if TYPE_CHECKING:
     import argparse
@@ -49,7 +50,7 @@ def run(arguments: argparse.Namespace, host: Host | None = None) -> int:
     for result in _results(arguments, host, parts):
         results.append(result)
         if as_text:
-            sys.stdout.writelines(f"{line}\n" for line in lines(result, screen))
+            raw(sys.stdout).writelines(f"{line}\n" for line in lines(result, screen))
             sys.stdout.flush()
     if as_text:
         sys.stdout.write(f"{summary(results)}\n")

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.options import add_config, add_file, add_format
 from joshua.cli.running import running_systems
+from joshua.plan.foreign_text import printable, raw
 
 if TYPE_CHECKING:
     import argparse
@@ -64,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
         sys.stdout.write(json.dumps([_record(*item) for item in answers], indent=2) + "\n")
         sys.stderr.writelines(f"{line}\n" for line in left)
         return ExitCode.FAILED if failed else ExitCode.OK
-    sys.stdout.writelines(f"{line}\n" for item in answers for line in _lines(*item))
+    raw(sys.stdout).writelines(f"{line}\n" for item in answers for line in _lines(*item))
     if not systems:
         sys.stdout.write("no system is running\n")
     folders = [LatchFolder(latch_folder(base)) for base in base_directories(os.environ)]
@@ -121,7 +122,7 @@ class _Watched:
 
     def show(self, system: RunningSystem, event: Event) -> None:
         from joshua.plan.events import Gap, RunEvent, RunStatus
-        from joshua.supervisor.tables import clean, status_lines
+        from joshua.supervisor.tables import status_lines
 
         lines: list[str] = []
         if isinstance(event, RunStatus):
@@ -129,7 +130,7 @@ class _Watched:
             lines = status_lines(event)
         elif isinstance(event, RunEvent):
             stamp = time.strftime("%H:%M:%S", time.localtime(event.time_ns // 1_000_000_000))
-            lines = [clean(f"{stamp} {event.node or system.info.source} {event.kind}: {event.text}")]
+            lines = [printable(f"{stamp} {event.node or system.info.source} {event.kind}: {event.text}")]
         elif isinstance(event, Gap):
             lines = [f"{event.dropped} events were dropped because this command reads too slowly"]
         else:
@@ -139,7 +140,7 @@ class _Watched:
         if sys.stdout.isatty():
             table = [line for item in self._answers.values() for line in _lines(*item)]
             text = "\x1b[K\n".join([*table, "", *self._happened])
-            sys.stdout.write(f"\x1b[H{text}\x1b[K\n\x1b[J")
+            raw(sys.stdout).write(f"\x1b[H{text}\x1b[K\n\x1b[J")
         else:
             sys.stdout.write("".join(f"{line}\n" for line in lines))
 

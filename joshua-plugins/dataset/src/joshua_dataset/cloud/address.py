@@ -5,12 +5,13 @@ Settings import this module during validation, so it does not import the library
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from importlib.util import find_spec
+
+from joshua.api.texts import has_token, masked
 
 #: Schemes with an extra of this distribution: module, extra, form of an address.
 EXTRAS = {
@@ -28,20 +29,8 @@ _HUB = re.compile(
     r"datasets/(?P<repo>[\w.-]+/[\w.-]+)(?:@(?P<revision>[\w.~%-]+))?(?:/(?P<folder>.+))?", re.ASCII
 )
 
-#: Patterns of the tokens and keys of common remotes.
-_TOKENS = re.compile(
-    r"hf_[A-Za-z0-9]{8,}|(?:AKIA|ASIA)[A-Z0-9]{12,}|ya29\.[\w.-]{8,}|gh[pousr]_\w{16,}|AIza[\w-]{20,}"
-)
-
-#: User and password in an address, its query, and an authorization header.
-_USER = re.compile(r"(?<=://)[^/\s@:]*:[^/\s@]*(?=@)")
+#: Query of an address, which can contain a signature of any name.
 _QUERY = re.compile(r"(\b[a-z][a-z0-9+.-]*://[^\s?'\"]+)\?[^\s'\"]+", re.IGNORECASE)
-_BEARER = re.compile(r"\b(Bearer|Basic)\s+[\w.~+/=-]{6,}", re.IGNORECASE)
-
-#: Names of environment variables whose values are secrets.
-_SECRET_NAME = re.compile(r"TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIAL|ACCESS_KEY|API_KEY", re.IGNORECASE)
-
-HIDDEN = "(hidden)"
 
 
 class AddressError(ValueError):
@@ -127,7 +116,7 @@ def _others() -> Iterator[str]:
 
 def holds_secret(text: str) -> bool:
     """Return whether an address contains a password, a token, or a parameter named like one."""
-    if _USER.search(text) or _TOKENS.search(text):
+    if has_token(text):
         return True
     first, _, _ = text.partition("://")[2].partition("/")
     if "@" in first and text.lower().startswith(("s3://", "s3a://", "gs://", "gcs://", "http")):
@@ -135,10 +124,6 @@ def holds_secret(text: str) -> bool:
     return bool(re.search(r"[?&][^=\s]*(token|secret|password|key|sig)[^=\s]*=", text, re.IGNORECASE))
 
 
-def redacted(text: str, environment: Mapping[str, str] | None = None) -> str:
-    """Remove passwords, tokens, address parameters and the values of secret variables from a text."""
-    for name, value in (os.environ if environment is None else environment).items():
-        if len(value) >= 8 and _SECRET_NAME.search(name) and not value.startswith("/"):
-            text = text.replace(value, HIDDEN)
-    text = _TOKENS.sub(HIDDEN, _USER.sub(HIDDEN, text))
-    return _BEARER.sub(rf"\1 {HIDDEN}", _QUERY.sub(r"\1", text))
+def redacted(text: str) -> str:
+    """Remove secrets and the queries of addresses from a text of a remote's library."""
+    return _QUERY.sub(r"\1", masked(text))

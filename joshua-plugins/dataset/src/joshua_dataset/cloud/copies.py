@@ -7,8 +7,10 @@ import re
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
+
+from joshua.api.files import name_fault
 
 from joshua_dataset.cloud.address import Address
 from joshua_dataset.cloud.bucket import Bucket
@@ -142,12 +144,8 @@ def is_counted(name: str, episodes: int, is_ours: bool) -> bool:
 
 def is_safe(name: str) -> bool:
     """Return whether a remote file name is one of a data set and stays inside its folder."""
-    parts = PurePosixPath(name).parts
-    return (
-        bool(parts)
-        and not any(part.startswith(".") or part in ("/", "") for part in parts)
-        and "\\" not in name
-    )
+    parts = name.split("/")
+    return not any(part.startswith(".") or name_fault(part) for part in parts)
 
 
 def summary(store: Store, tally: Tally, unproven: int = 0) -> Summary:

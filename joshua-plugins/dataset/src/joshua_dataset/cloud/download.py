@@ -8,6 +8,8 @@ import threading
 from collections.abc import Mapping
 from pathlib import Path
 
+from joshua.api.files import file_inside, inside
+
 from joshua_dataset.changes import is_interrupted
 from joshua_dataset.cloud.copies import (
     INFO_NAME,
@@ -60,6 +62,8 @@ def download(
     files = files or Files()
     try:
         files.make_folder(folder)
+        for name in (*names, f"{PRIVATE}/incoming"):
+            inside(folder, name)
         lock = WriterLock(folder)
         lock.take()
     except OSError as error:
@@ -117,7 +121,7 @@ class _Incoming:
     ) -> None:
         self._store, self._folder, self._sums, self._ledger = store, folder, sums, ledger
         self._files, self._tally = files, tally
-        self._place = folder / PRIVATE / "incoming"
+        self._place = inside(folder, Path(PRIVATE) / "incoming", "the folder of unfinished files")
         self.begun = self._place.is_dir()
         self._place.mkdir(parents=True, exist_ok=True)
         self.bytes = sum(path.stat().st_size for path in self._place.iterdir())
@@ -126,14 +130,15 @@ class _Incoming:
 
     def has(self, there: RemoteFile) -> bool:
         """Return whether the folder has this file."""
-        path = self._folder / there.name
+        path = inside(self._folder, there.name)
         if not path.is_file() or path.stat().st_size != there.size:
             return False
         return self._fits(there, path, self._ledger.digest(there.name)) is True
 
     def fetch(self, there: RemoteFile) -> None:
         """Fetch a file, resuming an earlier attempt, and move it into place."""
-        part = self._place / hashlib.sha256(f"{there.name}\n{there.size}\n{there.state}".encode()).hexdigest()
+        name = hashlib.sha256(f"{there.name}\n{there.size}\n{there.state}".encode()).hexdigest()
+        part = file_inside(self._folder, self._place / name)
         if part.exists() and part.stat().st_size > there.size:
             part.unlink()
         self._tally.resume(part.stat().st_size if part.exists() else 0)
@@ -166,6 +171,7 @@ class _Incoming:
         return same
 
     def _put(self, part: Path, path: Path) -> None:
+        inside(self._folder, path)
         with self._lock:  # two threads must not create the same folder
             self._files.make_folder(path.parent)
         self._files.sync(part)

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from joshua.api.files import file_inside
+
 from joshua_dataset.files import Files
 from joshua_dataset.lock import PRIVATE
 from joshua_dataset.metadata import INFO
@@ -65,6 +67,7 @@ class Ledger:
         self._digests: dict[str, Any] = {}
         self._remotes: dict[str, dict[str, Any]] = {}
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+            file_inside(folder, self._path)
             record = json.loads(self._path.read_text(encoding="utf-8"))
             digests, remotes = dict(record["digests"]), dict(record["remotes"])
             self._digests, self._remotes = digests, {key: dict(value) for key, value in remotes.items()}
@@ -97,17 +100,22 @@ class Ledger:
         with self._lock, contextlib.suppress(OSError):
             self._path.parent.mkdir(exist_ok=True)
             content = json.dumps({"digests": self._digests, "remotes": self._remotes})
-            Files().write(self._path, content.encode())
+            Files().write(file_inside(self._folder, self._path), content.encode())
 
 
 def names_of(folder: Path) -> Iterator[str]:
-    """Yield the files of a data set, data before metadata, without ``meta/info.json`` and hidden files."""
+    """Yield the files of a data set, data before metadata, without ``meta/info.json`` and hidden files.
+
+    Raises:
+        UnsafePathError: one is a symlink that leads out of the folder.
+    """
     found = []
     for place, folders, files in os.walk(folder):
         folders[:] = sorted(item for item in folders if not item.startswith("."))
         for file in sorted(files):
             path = Path(place) / file
             if not file.startswith(".") and path.suffix != ".new" and path.is_file():
+                file_inside(folder, path, "the file")
                 found.append(path.relative_to(folder).as_posix())
     yield from sorted((name for name in found if name != INFO.as_posix()), key=rank)
 

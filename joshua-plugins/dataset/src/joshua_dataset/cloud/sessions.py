@@ -9,6 +9,8 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from joshua.api.files import file_inside, inside
+
 from joshua_dataset.lock import PRIVATE
 
 if TYPE_CHECKING:
@@ -29,12 +31,14 @@ class Sessions:
     """
 
     def __init__(self, folder: Path | None = None, remote: str = "") -> None:
+        self._folder = folder
         self._path = folder / PRIVATE / NAME if folder is not None else None
         self._remote = remote
         self._lock = threading.Lock()
         self._records: dict[str, dict[str, Any]] = {}
         with contextlib.suppress(OSError, ValueError, TypeError):
-            if self._path is not None:
+            if folder is not None and self._path is not None:
+                file_inside(folder, self._path)
                 records = dict(json.loads(self._path.read_text(encoding="utf-8")))
                 self._records = {key: dict(value) for key, value in records.items()}
 
@@ -61,9 +65,10 @@ class Sessions:
 
     def _write(self) -> None:
         """Write the records; if the folder is not writable, a killed upload starts again."""
-        if self._path is None:
+        if self._folder is None or self._path is None:
             return
         with contextlib.suppress(OSError):
+            inside(self._folder, self._path)
             if not self._records:
                 self._path.unlink(missing_ok=True)
                 return

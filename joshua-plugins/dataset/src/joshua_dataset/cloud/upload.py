@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from joshua.api.files import UnsafePathError
 from joshua.features import EpisodeError
 
 from joshua_dataset.changes import Watch, is_interrupted
@@ -28,7 +29,7 @@ from joshua_dataset.cloud.sessions import Sessions
 from joshua_dataset.cloud.store import Outgoing, RemoteFile, Store, Tally, read_back
 from joshua_dataset.files import cause, remedy_first
 from joshua_dataset.metadata import INFO
-from joshua_dataset.reader import Dataset
+from joshua_dataset.reader import Dataset, DatasetError
 
 
 def upload(folder: Path, store: Store, tally: Tally, *, jobs: int = JOBS, replace: bool = False) -> Summary:
@@ -60,7 +61,11 @@ def _upload(folder: Path, store: Store, tally: Tally, jobs: int, *, replace: boo
     content = (folder / INFO).read_bytes()
     ledger = Ledger(folder)
     store.sessions = Sessions(folder, str(store.address))
-    names = [name for name in names_of(folder) if is_counted(name, dataset.episodes, is_ours(dataset.info))]
+    try:
+        found = list(names_of(folder))
+    except UnsafePathError as error:
+        raise DatasetError(f"{folder} cannot be uploaded: {error}") from error
+    names = [name for name in found if is_counted(name, dataset.episodes, is_ours(dataset.info))]
     if SUMS in names:
         names.remove(SUMS)
     with tempfile.TemporaryDirectory(prefix="joshua-upload-") as scratch:

@@ -190,7 +190,7 @@ def _stats(arguments: argparse.Namespace) -> int:
 
     from joshua_dataset.metadata import STATS
     from joshua_dataset.reader import Dataset
-    from joshua_dataset.transform import recompute, recomputed
+    from joshua_dataset.recomputing import recompute, recomputed
 
     compute = recompute if arguments.write else recomputed
     with _workers(arguments) as workers:

@@ -9,7 +9,7 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from joshua.tools import positive_seconds
+from joshua.tools import positive_seconds, printable, raw
 
 if TYPE_CHECKING:
     from joshua_dataset.cloud.store import Tally
@@ -105,7 +105,7 @@ class _Screen:
             from joshua_dataset.cloud.copies import progress_text
 
             width = shutil.get_terminal_size().columns
-            sys.stderr.write(f"\r\x1b[K{progress_text(tally)[: width - 1]}")
+            raw(sys.stderr).write(f"\r\x1b[K{printable(progress_text(tally)[: width - 1])}")
             sys.stderr.flush()
             self._shown = True
 
@@ -115,7 +115,7 @@ class _Screen:
 
     def end(self) -> None:
         if self._shown:
-            sys.stderr.write("\r\x1b[K")
+            raw(sys.stderr).write("\r\x1b[K")
             self._shown = False
 
 

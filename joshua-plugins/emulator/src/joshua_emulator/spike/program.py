@@ -5,6 +5,8 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
+from joshua.api.files import name_fault
+
 MPY_MAGIC, MPY_VERSION = ord("M"), 6
 SMALL_INT_BITS = 31
 MAIN = "__main__"
@@ -47,9 +49,16 @@ def check_mpy(code: bytes) -> bytes:
 
 
 def write_modules(modules: dict[str, bytes], folder: Path) -> str:
-    """Write the modules as files. Return the name under which the main one is imported."""
+    """Write the modules as files. Return the name under which the main one is imported.
+
+    Raises:
+        ProgramError: a name leads elsewhere.
+    """
     main = "uploaded_main"
     for name, code in modules.items():
         file_name = main if name == MAIN else name
+        fault = name_fault(file_name)
+        if fault:
+            raise ProgramError(f"ValueError: the name of a module cannot be a file name: {fault}")
         (folder / f"{file_name}.mpy").write_bytes(code)
     return main

@@ -140,7 +140,9 @@ def _tuning() -> Any:
 def _make(folder: Path) -> None:
     """Create the folder of a sweep. Raises JobError."""
     try:
-        folder.mkdir(parents=True)
+        if not folder.parent.exists():
+            folder.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(0o700)
     except FileExistsError as error:
         raise JobError(f"{folder} exists already. Name another folder with --output", 2) from error
     except OSError as error:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from joshua.tools import clean
+from joshua.tools import printable
 
 from joshua_serial.found_motor import FoundMotor
 from joshua_serial.ports.survey import Families, PortSurvey
@@ -34,7 +34,7 @@ def paragraph(found: PortSurvey, families: Families) -> str:
         lines.append("  " + found.problem.removeprefix(f"{entry.path}: ").replace("\n", "\n  "))
     elif found.is_scanned:
         lines += motor_lines(found, families)
-    return "\n".join(map(clean, lines)) + "\n"
+    return "\n".join(map(printable, lines)) + "\n"
 
 
 def motor_lines(found: PortSurvey, families: Families) -> list[str]:

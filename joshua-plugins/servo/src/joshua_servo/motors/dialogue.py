@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from types import FrameType
 from typing import Protocol
 
-from joshua.tools import clean
+from joshua.tools import printable
 
 POLL_S = 0.2
 
@@ -40,12 +40,12 @@ class TerminalDialogue:
 
     def say(self, text: str) -> None:
         """Print a line."""
-        sys.stdout.write(clean(text) + "\n")
+        sys.stdout.write(printable(text) + "\n")
         sys.stdout.flush()
 
     def wait_for(self, request: str) -> None:
         """Ask, and wait for Enter. Raises NoAnswer at the end of the input."""
-        sys.stdout.write(f"{clean(request)}, then press Enter ")
+        sys.stdout.write(f"{printable(request)}, then press Enter ")
         sys.stdout.flush()
         if not sys.stdin.readline():
             sys.stdout.write("\n")

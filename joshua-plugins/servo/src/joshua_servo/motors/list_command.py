@@ -6,7 +6,7 @@ import json
 import sys
 from typing import TYPE_CHECKING
 
-from joshua.tools import ExitCode, clean, columns
+from joshua.tools import ExitCode, columns, printable
 from joshua_serial.ports.bus_plugins import installed_bus_tools, short_name
 from joshua_serial.ports.survey import Families, PortSurvey, chosen_ports, survey
 from joshua_serial.ports.text import NOTHING, as_json, remarks
@@ -23,7 +23,7 @@ def run(arguments: argparse.Namespace, device_root: str = "/") -> int:
     if getattr(arguments, "format", "text") == "json":
         sys.stdout.write(json.dumps([as_json(item) for item in found], indent=2) + "\n")
     else:
-        sys.stdout.write("\n".join(map(clean, _lines(found, families))) + "\n" if found else NOTHING)
+        sys.stdout.write("\n".join(map(printable, _lines(found, families))) + "\n" if found else NOTHING)
     failed = any(item.problem for item in found) or not any(item.motors for item in found)
     return ExitCode.HARDWARE if failed else ExitCode.OK
 
