@@ -87,6 +87,16 @@ def test_before_the_start_a_signal_is_like_ctrl_c_and_comes_once() -> None:
     assert signal.getsignal(signal.SIGTERM) is former
 
 
+def test_a_signal_after_the_run_does_not_cut_off_its_last_lines() -> None:
+    written = []
+    with interruptible() as interrupts:
+        interrupts.ignored = True
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            os.kill(os.getpid(), number)
+        written.append("the last line")
+    assert written == ["the last line"]
+
+
 def test_nothing_is_imported_before_ctrl_c_is_an_orderly_end() -> None:
     code = "import sys, joshua.cli.main; print('argparse' in sys.modules, 'joshua.cli.parser' in sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60).stdout

@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 from joshua.guardian import main
+from joshua.guardian.drop_order import DropOrder
 from joshua.guardian.latch import EstopFiles, LatchFolder
 from joshua.guardian.link import GuardianError, GuardianLink
 from joshua.guardian.order import ARMED, DONE, GuardianOrder
@@ -45,6 +46,10 @@ class park(act):
         super().run()
         time.sleep(0 if self.action == "RELEASE" else 60)
         return SafeStopResult({"1": "released" if self.action == "RELEASE" else "held"})
+
+class held(act):
+    def run(self):
+        return SafeStopResult({"1": "held"})
 
 class die(act):
     def run(self):
@@ -229,6 +234,42 @@ def test_an_estop_ends_a_parking(order: Any, tmp_path: Path) -> None:
     folder.set("desk", "/desk.pbtxt", 0, ["/arm"])
     thread.join(60.0)
     assert reports[0]["joints"] == {"1": "released"}
+
+
+def test_the_order_to_drop_ends_a_parking(order: Any, tmp_path: Path) -> None:
+    guarded = latched(order("a_device_action:park"), tmp_path)[0]
+    parks = {**guarded.request, "action": "PARK_THEN_RELEASE"}
+    link = GuardianLink(replace(guarded, request=parks, timeout_s=50.0))
+    reports: list[dict[str, Any]] = []
+    thread = threading.Thread(target=lambda: reports.append(link.execute()))
+    thread.start()
+    while not (tmp_path / "done").exists():
+        time.sleep(0.01)
+    DropOrder(guarded.estop_files).give()
+    thread.join(60.0)
+    assert reports[0]["joints"] == {"1": "released"}
+
+
+def test_the_order_to_drop_does_not_concern_an_arm_that_holds(order: Any, tmp_path: Path) -> None:
+    guarded = latched(order(), tmp_path)[0]
+    DropOrder(guarded.estop_files).give()
+    assert GuardianLink(guarded).execute()["complete"]
+    assert done(tmp_path)["action"] == "HOLD"
+
+
+@pytest.mark.parametrize(
+    ("action", "left"),
+    [("a_device_action:act", []), ("a_device_action:held", ["record"]), ("a_device_action:fail", ["record"])],
+)
+def test_the_record_of_torque_goes_with_the_torque(
+    order: Any, tmp_path: Path, action: str, left: list[str]
+) -> None:
+    records = tmp_path / "energised"
+    records.mkdir()
+    (records / "record").touch()
+    link = GuardianLink(replace(order(action), energised_record=str(records / "record")))
+    link.execute()
+    assert [path.name for path in records.iterdir()] == left
 
 
 def test_an_estop_that_fails_is_reported_as_failed(order: Any, tmp_path: Path) -> None:

@@ -73,6 +73,7 @@ def test_a_place_that_cannot_be_made_anew_stops_no_node(robot: Any) -> None:
 
     def spoil() -> None:
         wait_for_run(base)
+        wait_until(lambda: READY in robot.ui.text())  # the links between nodes start there
         put_in_the_way(base, "for good")
 
     thread = threading.Thread(target=spoil)

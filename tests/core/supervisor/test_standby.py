@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from joshua.guardian.drop_order import DropOrder
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs a subreaper")
 
@@ -72,19 +73,23 @@ print(orders.busy)
 """
 
 
-def acts(tmp_path: Path, ending: str, action: str = "a_standby_action:act") -> list[dict[str, Any]]:
+def acts(
+    tmp_path: Path, ending: str, action: str = "a_standby_action:act", safe_state: str = "HOLD"
+) -> list[dict[str, Any]]:
     """Runs a driver that is killed after ``ending``. Returns what was applied, in order."""
     (tmp_path / "a_standby_action.py").write_text(ACTION)
     order = {
         "node": "/arm",
         "implementation": action,
-        "request": {"action": "HOLD", "file": str(tmp_path / "acts")},
+        "request": {"action": safe_state, "file": str(tmp_path / "acts")},
         "release_request": {"action": "RELEASE", "file": str(tmp_path / "acts")},
         "timeout_s": 30.0,
         "process_id": 0,
         "thread_id": 0,
         "hang_limit_s": 30.0,
         "log": str(tmp_path / "log.jsonl"),
+        "estop_files": str(tmp_path / "files"),
+        "energised_record": str(tmp_path / "record"),
     }
     result = subprocess.run(
         [sys.executable, "-c", SERVER, json.dumps(order), ending],
@@ -125,6 +130,18 @@ def test_a_driver_in_its_safe_state_leaves_nothing_to_do(tmp_path: Path) -> None
 
 def test_a_tripped_device_is_released_by_the_server_too(tmp_path: Path) -> None:
     assert acts(tmp_path, f"link.release_only(); {KILL_GUARDIAN}") == [{"action": "RELEASE", "forked": True}]
+
+
+def test_the_server_forgets_the_torque_that_it_took_off(tmp_path: Path) -> None:
+    (tmp_path / "record").touch()
+    acts(tmp_path, KILL_GUARDIAN, safe_state="RELEASE")
+    assert not (tmp_path / "record").exists()
+
+
+def test_the_server_does_not_park_after_the_order_to_drop(tmp_path: Path) -> None:
+    DropOrder(str(tmp_path / "files")).give()
+    dropped = [{"action": "RELEASE", "forked": True}]
+    assert acts(tmp_path, KILL_GUARDIAN, safe_state="PARK_THEN_RELEASE") == dropped
 
 
 def test_a_stopped_guardian_is_replaced(tmp_path: Path) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import socket
-from pathlib import Path
+import tempfile
+from collections.abc import Iterator
 
 import pytest
 from joshua.plan import TransportSettings
@@ -15,11 +16,11 @@ from joshua.transport.zenoh.owners import is_trusted, listener_owner, peer_owner
 
 
 @pytest.fixture
-def settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TransportSettings:
-    runtime = tmp_path / "run"
-    runtime.mkdir(mode=0o700)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
-    return TransportSettings(listen_endpoints=(f"tcp/localhost:{free_port()}",))
+def settings(monkeypatch: pytest.MonkeyPatch) -> Iterator[TransportSettings]:
+    # short, because a long path selects the folder that all runs of this user share
+    with tempfile.TemporaryDirectory(dir="/tmp") as runtime:
+        monkeypatch.setenv("XDG_RUNTIME_DIR", runtime)
+        yield TransportSettings(listen_endpoints=(f"tcp/localhost:{free_port()}",))
 
 
 @pytest.mark.parametrize(

@@ -157,7 +157,7 @@ def test_ctrl_c_keeps_and_uploads_the_open_episode(joshua: JoshuaProgram, tmp_pa
     eventually(lambda: "frames: 0 " not in status(joshua), "there are frames")
     _, errors = joshua.stop(process)
     assert process.returncode == 0, errors
-    assert f"uploading to {there.as_uri()}; press Ctrl-C again to leave it" in errors
+    assert f"uploading to {there.as_uri()}; press Ctrl-C twice within 2 s to leave it" in errors
     assert Dataset.read(there).episodes == 1
 
 

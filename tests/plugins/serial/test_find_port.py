@@ -245,10 +245,11 @@ def test_a_file_that_cannot_be_read_stays_as_it_is(
 def test_a_file_that_cannot_be_written_is_put_back(
     tmp_path: Path, config: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    from joshua.tools import EditError
     from joshua_serial.ports import write_command
 
     def refuse(path: str, values: object) -> None:
-        raise write_command.Refused("it reads back otherwise")
+        raise EditError("it reads back otherwise")
 
     monkeypatch.setattr(write_command, "_check", refuse)
     assert "the file was restored: it reads back otherwise" in refused(tmp_path, config, capsys)

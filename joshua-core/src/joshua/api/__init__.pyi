@@ -14,9 +14,6 @@ from joshua.devices.sensor import Sensor as Sensor
 from joshua.devices.sensor import Reading as Reading
 from joshua.plan import JointRange as JointRange
 from joshua.devices.diagnostics import DiagnosticStatus as DiagnosticStatus
-from joshua.guardian.silence import AwakeClock as AwakeClock
-from joshua.guardian.silence import Patience as Patience
-from joshua.guardian.silence import SILENCE_LIMIT_S as SILENCE_LIMIT_S
 
 # Errors of devices
 from joshua.devices.errors import DeviceError as DeviceError

@@ -144,7 +144,7 @@ class DeviceRoad:
         return f"{self._node}: {', '.join([*self._kills, opened])}"
 
     def _run(self, latch: Latch) -> None:
-        self.report = _reported(self._node, latch, self._act)
+        self.report = reported(self._node, latch, self._act)
 
     def _act(self) -> Mapping[str, Any]:
         from joshua.guardian.main import load_action
@@ -346,10 +346,11 @@ def _set_at(
 
 def release_offline(spec: NodeSpec, latch: Latch) -> EstopReport:
     """Release an actuator that no run uses, and read back its torque, because an arm may hold after a run."""
-    return _reported(spec.full_name, latch, lambda: _release(spec))
+    return reported(spec.full_name, latch, lambda: _release(spec))
 
 
-def _reported(node: str, latch: Latch, act: Callable[[], Mapping[str, Any]]) -> EstopReport:
+def reported(node: str, latch: Latch, act: Callable[[], Mapping[str, Any]]) -> EstopReport:
+    """Run an action that releases an actuator. Returns its report, also if it failed."""
     try:
         result = act()
     except Exception as error:  # noqa: BLE001 (a plugin's code; the command must report)

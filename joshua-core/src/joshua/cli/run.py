@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from joshua.cli.stand_ins import EmulatedRig
     from joshua.plan import Plan, RunReport
+    from joshua.plan.events import Event
     from joshua.planner.pipeline import Checked
     from joshua.supervisor.fork_server import ForkServer
 
@@ -28,6 +29,49 @@ if TYPE_CHECKING:
 def run(arguments: argparse.Namespace) -> int:
     """Run one configuration from the check to the last report and return the exit code."""
     began_s = time.monotonic()
+    with interruptible() as interrupts:
+        ended: list[Plan] = []
+        code = _run_to_end(arguments, interrupts, began_s, ended)
+        interrupts.ignored = True
+        show_torque(arguments, code, ended)
+        return code
+
+
+def show_torque(arguments: argparse.Namespace, code: int, ended: Sequence[Plan]) -> None:
+    """Print as the last line what the actuators of the file do after the run, and what to do about it.
+
+    Args:
+        code: exit code of the run; ended: its plan, if it has started its nodes.
+    """
+    from joshua.cli.energised import AFTER_RUN_S, left_energised, left_lines, plan_options, shown_command
+    from joshua.ipc.run_bases import base_directories
+
+    if not arguments.config:
+        return
+    source = os.path.abspath(arguments.config)  # noqa: PTH100 (links stay as they are)
+    left = left_energised(base_directories(os.environ), lambda record: record.source == source, AFTER_RUN_S)
+    lines = left_lines(left)
+    if not lines and not arguments.emulate and any(map(_outlives_run, ended)):
+        lines = ["this run left no torque on"]
+        if code not in (ExitCode.OK, ExitCode.INTERRUPTED):
+            lines[0] += f"; to check its devices: {shown_command('doctor', source, plan_options(arguments))}"
+    stream = sys.stderr if arguments.format == "json" else sys.stdout  # where findings are a document
+    stream.writelines(f"{line}\n" for line in lines)
+
+
+def _outlives_run(plan: Plan) -> bool:
+    """Whether a plan has an actuator that can keep its torque after the run."""
+    from joshua.plan import ActuatorFacts
+
+    facts = [spec.facts for spec in plan.nodes if isinstance(spec.facts, ActuatorFacts)]
+    real = [item for item in facts if item.simulation is None and not item.dry_run]
+    return any(item.estop_action or item.keeps_last_goal for item in real)
+
+
+def _run_to_end(
+    arguments: argparse.Namespace, interrupts: Interrupts, began_s: float, ended: list[Plan]
+) -> int:
+    """Run a configuration. Interrupted before or after the run, it has cleaned up everything."""
     try:
         if arguments.faults and not arguments.emulate:
             raise NotStartedError(FAULT_ALONE)
@@ -38,16 +82,22 @@ def run(arguments: argparse.Namespace) -> int:
         from joshua.supervisor.starting import starting
 
         with ExitStack() as stack:
-            stack.enter_context(interruptible())
             server = fork_server.start()
             stack.callback(server.close)
             stack.enter_context(starting(base_directory(os.environ)))
-            return _run(arguments, server, stack, began_s)
+            return _run(arguments, server, stack, began_s, interrupts, ended)
     except NotStartedError as error:
         return error.show()
 
 
-def _run(arguments: argparse.Namespace, server: ForkServer, stack: ExitStack, began_s: float) -> int:
+def _run(
+    arguments: argparse.Namespace,
+    server: ForkServer,
+    stack: ExitStack,
+    began_s: float,
+    interrupts: Interrupts,
+    ended: list[Plan],
+) -> int:
     from joshua.cli.stand_ins import replace_devices
     from joshua.modes import mode_of
     from joshua.planner.pipeline import check_file, finish
@@ -67,32 +117,51 @@ def _run(arguments: argparse.Namespace, server: ForkServer, stack: ExitStack, be
     result = finish(checked)
     if result.plan is None:
         raise NotStartedError.of(result, arguments.format)
-    report = supervise(result.plan, server, arguments, began_s)
+    report = supervise(result.plan, server, arguments, began_s, interrupts)
+    if report.nodes:
+        ended.append(result.plan)
     stack.close()  # before the verdict, which may take a second to draw
     return conclude(result.plan, report)
 
 
-@contextmanager
-def interruptible() -> Iterator[None]:
-    """Handle SIGTERM and SIGHUP like Ctrl-C, so that everything started is cleaned up.
+class Interrupts:
+    """What signals do outside the run, during which the supervisor handles them.
 
-    Only the first one counts: the supervisor handles the signals during the run, and a second one must not
-    interrupt the clean-up.
+    Attributes:
+        ignored: whether the run is over. A late Ctrl-C must not cut off the last lines.
     """
 
-    def interrupt(_number: int, _frame: object) -> None:
-        for other in former:
+    def __init__(self) -> None:
+        self.ignored = False
+        self._former: dict[int, Any] = {}
+
+    def install(self) -> None:
+        """Handle SIGTERM and SIGHUP like Ctrl-C."""
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            self._former[number] = signal.signal(number, self._interrupt)
+
+    def close(self) -> None:
+        """Restore the former handlers."""
+        while self._former:
+            signal.signal(*self._former.popitem())
+
+    def _interrupt(self, _number: int, _frame: object) -> None:
+        if self.ignored:
+            return
+        for other in (signal.SIGTERM, signal.SIGHUP):  # which must not interrupt the clean-up
             signal.signal(other, signal.SIG_IGN)
         raise KeyboardInterrupt
 
-    former: dict[int, Any] = {}
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        former[number] = signal.signal(number, interrupt)
+
+@contextmanager
+def interruptible() -> Iterator[Interrupts]:
+    """Handle SIGTERM and SIGHUP like Ctrl-C, so that everything started is cleaned up."""
+    interrupts = Interrupts()
+    interrupts.install()
     try:
-        yield
+        yield interrupts
     finally:
-        for taken, handler in former.items():
-            signal.signal(taken, handler)
+        interrupts.close()
 
 
 def run_mode(program: str, checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | None) -> int:
@@ -105,8 +174,12 @@ def run_mode(program: str, checked: Checked, arguments: argparse.Namespace, rig:
         raise NotStartedError(f"the mode's plugin is broken: {error}", ExitCode.NOT_INSTALLED) from error
 
 
-def supervise(plan: Plan, server: ForkServer, arguments: argparse.Namespace, began_s: float) -> RunReport:
-    """Start the nodes and watch them until the end of the run."""
+def supervise(
+    plan: Plan, server: ForkServer, arguments: argparse.Namespace, began_s: float, interrupts: Interrupts
+) -> RunReport:
+    """Start the nodes and watch them until the end of the run. Signals are then ignored."""
+    from joshua.cli.energised import plan_options
+    from joshua.plan import RunReport
     from joshua.supervisor.policies import SupervisorOptions
     from joshua.supervisor.supervisor import Supervisor
     from joshua.supervisor.terminal import Terminal
@@ -117,8 +190,17 @@ def supervise(plan: Plan, server: ForkServer, arguments: argparse.Namespace, beg
         duration_s=arguments.duration,
         start_timeout_s=arguments.start_timeout,
         began_s=began_s,
+        devices_outlive_run=not arguments.emulate,
+        plan_options=plan_options(arguments),
     )
-    return Supervisor(plan, server, options, Terminal(level)).run()
+    terminal = Terminal(level)
+
+    def show(event: Event) -> None:
+        if isinstance(event, RunReport):
+            interrupts.ignored = True
+        terminal(event)
+
+    return Supervisor(plan, server, options, show).run()
 
 
 def conclude(plan: Plan, report: RunReport) -> int:

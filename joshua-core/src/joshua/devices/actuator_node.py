@@ -147,7 +147,7 @@ class ActuatorNode(NodeBehaviour):
         """Energises the joints where they are, if they have a commander, and starts the control loop."""
         actuator, _ = self._device()
         if self._is_leader:
-            actuator.release()  # a person moves it, even if an earlier run left it holding
+            self._safety.switch_off(actuator)  # a person moves it, even if an earlier run left it holding
         if self._safety.latch() is not None:
             self._watch()
         elif self._is_commanded and self._facts.restarted:
@@ -169,6 +169,7 @@ class ActuatorNode(NodeBehaviour):
         goals.seed(actuator.read().position_rad)
         self._safety.prepare_estop()
         self._safety.guard(actuator)
+        self._safety.energising()
         # Whatever fails from here on requires the safe state.
         self._energised = self._safety.in_doubt = True
         actuator.enable()
@@ -248,7 +249,7 @@ class ActuatorNode(NodeBehaviour):
         if self._actuator is None or not self._actuator.connected:
             return
         if self._is_leader:
-            self._actuator.release()
+            self._safety.switch_off(self._actuator)
         elif self._energised:
             self._energised = False
             self._safety.apply(self._actuator)

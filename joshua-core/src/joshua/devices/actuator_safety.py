@@ -13,6 +13,7 @@ from typing import Any
 from joshua.devices.actuator import Actuator
 from joshua.devices.errors import DeviceError
 from joshua.guardian import standby
+from joshua.guardian.energised import EnergisedNote, EnergisedRecord
 from joshua.guardian.latch import EstopFiles, EstopOrder, EstopReport, Latch, LatchFolder, Subject
 from joshua.guardian.link import GuardianError, GuardianLink
 from joshua.guardian.order import HANG_LIMIT_S, GuardianOrder
@@ -47,19 +48,66 @@ class ActuatorSafety:
         self._latches = LatchFolder(Path(run.latch_folder)) if run.latch_folder else None
         self._subject = Subject(run.robot, run.domain_id, self._node)
         self._files = EstopFiles(run.estop_files)
+        self._note = EnergisedNote("", "", EnergisedRecord(self._node, run.robot, run.source, 0, run.run))
         self._order: EstopOrder | None = None
         self._files_due_s = 0.0
         self.in_doubt = False
 
     def introduce(self, actuator: Actuator) -> None:
-        """Stores what an e-stop needs if the driver of this open device does not respond."""
-        action = self._facts.estop_action
+        """Stores what other programs need to release this open device without its driver.
+
+        Raises:
+            DeviceError: the record of its torque cannot be written. A restarted driver only warns.
+        """
+        action, request = self._facts.estop_action, {}
         if action:
             with contextlib.suppress(NotImplementedError):  # the error is reported when torque is requested
-                request = actuator.safe_stop_request(RELEASE, timeout_s=ESTOP_TIMEOUT_S)
-                self._order = EstopOrder(action, request.to_values())
+                request = actuator.safe_stop_request(RELEASE, timeout_s=ESTOP_TIMEOUT_S).to_values()
+                self._order = EstopOrder(action, request)
                 with contextlib.suppress(OSError):  # reported when torque is requested
                     self._leave_order()
+        facts, run = self._facts, self._facts.run
+        stays_energised = bool(request) or facts.keeps_last_goal
+        if not stays_energised or facts.dry_run or facts.simulation is not None:
+            return
+        record = EnergisedRecord(
+            node=self._node,
+            robot=run.robot,
+            source=run.source,
+            domain_id=run.domain_id,
+            run=run.run,
+            implementation=action if request else "",
+            request=request,
+            options=run.options,
+        )
+        self._note = EnergisedNote(run.energised_folder, run.estop_files, record)
+        try:
+            self._note.prepare()
+        except OSError as error:
+            text = f"{self._node}: no record of its torque can be kept in {run.energised_folder}: "
+            text += f"{error.strerror or error}. Free space, or set XDG_RUNTIME_DIR to another folder"
+            if not facts.restarted:
+                raise DeviceError(text) from error
+            self._context.warn(text)
+
+    def energising(self) -> None:
+        """Records that the joints have torque from here on."""
+        try:
+            self._note.energising()
+        except OSError as error:
+            self._context.warn(
+                f"{self._node}: if it keeps its torque after the run, `joshua status` cannot say so: "
+                f"{error.strerror or error}"
+            )
+
+    def switch_off(self, actuator: Actuator) -> None:
+        """Disables the torque of a device without a guardian. Raises what the device raises."""
+        actuator.release()
+        self.confirmed_off()
+
+    def confirmed_off(self) -> None:
+        """Notes that the device has confirmed that its torque is off."""
+        self._note.released()
 
     def remembered(self) -> dict[str, Any]:
         """For a restarted driver: how the previous one in the same run reached the device."""
@@ -85,7 +133,7 @@ class ActuatorSafety:
             ) from error
 
     def keep_files(self) -> None:
-        """Creates the files of an e-stop again if they have vanished with their folder."""
+        """Creates the files of an e-stop, and the record of torque, again if their folder has vanished."""
         now_s = time.monotonic()
         if now_s < self._files_due_s:
             return
@@ -93,6 +141,7 @@ class ActuatorSafety:
         with contextlib.suppress(OSError):  # the supervisor reports the folder
             if self._latches is not None:
                 self._latches.keep_spare()
+            self._note.keep()
             if not self._files.has_order(self._node):
                 self._leave_order()
 
@@ -125,6 +174,7 @@ class ActuatorSafety:
             domain_id=run.domain_id,
             latch_folder=run.latch_folder,
             estop_files=run.estop_files,
+            energised_record=self._note.path,
         )
         try:
             self._link = GuardianLink(order)
@@ -154,6 +204,7 @@ class ActuatorSafety:
         elif self._link is None or self._state == RELEASE:
             actuator.release()
             self._applied = RELEASE
+            self.confirmed_off()
         # otherwise its guardian parks it as soon as the device is closed
 
     def stop_now(self, actuator: Actuator, latch: Latch) -> str:
@@ -177,11 +228,14 @@ class ActuatorSafety:
         """
         if self._state != HOLD:
             actuator.release()
+            self.confirmed_off()
             return "with torque off"
         torque = actuator.read_torque()
         if torque is None:
             return "in the safe state HOLD"
         on = [joint for joint, has_torque in torque.items() if has_torque]
+        if not on:
+            self.confirmed_off()
         if len(on) == len(torque):
             return "holding its position"
         return f"with torque on at {', '.join(on)} only" if on else "with torque off"
@@ -190,6 +244,7 @@ class ActuatorSafety:
         """Ends the guardian, because the device has confirmed that the joints have no torque."""
         link, self._link = self._link, None
         self.in_doubt = False
+        self.confirmed_off()
         if link is not None:  # its end takes longer than the hang limit of a control loop
             threading.Thread(target=link.done, name="guardian's end", daemon=True).start()
         else:
@@ -242,6 +297,7 @@ class ActuatorSafety:
             if self._link is None:
                 self._report(latch, complete=False, verified=False, detail=str(error))
             raise
+        self.confirmed_off()
         joints = dict.fromkeys(torque or (), "released")
         self._report(latch, complete=True, verified=torque is not None, joints=joints)
         if torque is None:

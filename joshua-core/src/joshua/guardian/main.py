@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from joshua.guardian.action import Action, ActionProcess
+from joshua.guardian.drop_order import DropOrder
+from joshua.guardian.energised import remove_record
 from joshua.guardian.latch import EstopFiles, EstopReport, Latch, LatchFolder, Subject
 from joshua.guardian.order import (
     ARMED,
@@ -105,6 +107,8 @@ class SafetyOrder:
         self._prepared: ActionProcess | None = None
         self._latches = LatchFolder(Path(order.latch_folder)) if order.latch_folder else None
         self._subject = Subject(order.robot, order.domain_id, order.node)
+        self._drop = DropOrder(order.estop_files)
+        self._parks = order.request.get("action") == "PARK_THEN_RELEASE"
 
     def prepare(self, *foreign: int) -> None:
         """Makes a process for the action in advance, without these descriptors of this one."""
@@ -123,8 +127,8 @@ class SafetyOrder:
         limit_s = self._order.timeout_s + OVERTIME_S
         order = self._order
         report = None
-        if not self.release_only and self.latch() is None:
-            report = self._run(order.request, limit_s, lambda: self.latch() is not None)
+        if not self.release_only and not self._must_release():
+            report = self._run(order.request, limit_s, self._must_release)
         latch = self.latch()
         if report is None or latch is not None:
             request = order.release_request or order.request
@@ -136,6 +140,8 @@ class SafetyOrder:
             EstopFiles(order.estop_files).report(
                 EstopReport(latch.identifier, order.node, "guardian", complete, complete, joints, detail)
             )
+        if report.get("complete") and "held" not in dict(report.get("joints", {})).values():
+            remove_record(order.energised_record)
         return {"reason": reason, "action_s": round(time.monotonic() - began_s, 4), **report}
 
     def _run(
@@ -152,6 +158,10 @@ class SafetyOrder:
     def latch(self) -> Latch | None:
         """The latched e-stop, if any."""
         return None if self._latches is None else self._latches.standing(self._subject)
+
+    def _must_release(self) -> bool:
+        """Whether an e-stop is latched, or a person has ended the parking of the joints."""
+        return self.latch() is not None or (self._parks and self._drop.given)
 
     def report(self, report: dict[str, Any]) -> None:
         """Reports to the supervisor, or into the log of the run if there is no supervisor."""
@@ -279,15 +289,20 @@ class Guardian:
             connection.send(json.dumps(message).encode() + b"\n")
 
 
-def load_action(import_string: str) -> Action:
-    """Imports the action of an order. Raises ImportError, AttributeError, TypeError."""
+def load_request(import_string: str) -> type[SafeStopRequest]:
+    """Imports the request of an order. Raises ImportError, AttributeError, TypeError."""
     module, _, attribute = import_string.partition(":")
     target: Any = importlib.import_module(module)
     for name in attribute.split("."):
         target = getattr(target, name)
     if not (isinstance(target, type) and issubclass(target, SafeStopRequest)):
         raise TypeError(f"{import_string} is not a SafeStopRequest. Run joshua plugins --check")
-    return partial(perform, target)
+    return target
+
+
+def load_action(import_string: str) -> Action:
+    """Imports the action of an order. Raises ImportError, AttributeError, TypeError."""
+    return partial(perform, load_request(import_string))
 
 
 def become_guardian() -> None:

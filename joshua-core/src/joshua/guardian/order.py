@@ -51,6 +51,7 @@ class GuardianOrder:
         robot, domain_id: whose e-stop counts.
         latch_folder: of the e-stops, "" for none.
         estop_files: folder of the run for reports about an e-stop.
+        energised_record: file that says that the joints have torque, "" for none.
     """
 
     node: str
@@ -67,6 +68,7 @@ class GuardianOrder:
     domain_id: int = 0
     latch_folder: str = ""
     estop_files: str = ""
+    energised_record: str = ""
 
     def to_values(self) -> dict[str, Any]:
         """Values for JSON."""

@@ -68,6 +68,16 @@ class SafeStopRequest:
         """Opens the device, applies the safe state and verifies it within ``timeout_s``."""
         raise NotImplementedError(f"{type(self).__name__} does not override run")
 
+    def read_torque(self) -> Mapping[str, bool] | None:
+        """Opens the device and reads within ``timeout_s`` which joints have torque; writes nothing.
+
+        Returns:
+            Whether each joint has torque, by its name or that of its motor; None if the device cannot tell.
+
+        Raises what the device raises.
+        """
+        return None
+
     def to_values(self) -> dict[str, Any]:
         """Values as in JSON."""
         values: dict[str, Any] = json.loads(json.dumps(asdict(self)))

@@ -88,7 +88,15 @@ class SafeStop:
 
 @dataclass(frozen=True)
 class RunFacts:
-    """The run of a node: log file, control socket, and folders of the e-stops."""
+    """The run of a node.
+
+    Attributes:
+        log: its file; socket: its control socket.
+        robot: ``general.id`` of its file; domain_id: ROS 2 domain; source: the file; run: its name.
+        latch_folder, estop_files: of the e-stops.
+        energised_folder: of the records of actuators with torque; "" if their devices end with the run.
+        options: words of the command line that change what the file says, such as ``--set``.
+    """
 
     log: str = ""
     socket: str = ""
@@ -96,6 +104,10 @@ class RunFacts:
     domain_id: int = 0
     latch_folder: str = ""
     estop_files: str = ""
+    source: str = ""
+    run: str = ""
+    energised_folder: str = ""
+    options: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +128,7 @@ class ActuatorFacts(NodeFacts):
         allow_uncalibrated: joints without calibration may be energised.
         dry_run: the torque stays off.
         simulation: settings of the simulation of the device; None for a real device.
+        source: the configuration; overrides: its ``--set`` options; node_name: in the configuration.
         run: its run.
     """
 
@@ -133,6 +146,9 @@ class ActuatorFacts(NodeFacts):
     allow_uncalibrated: bool = False
     dry_run: bool = False
     simulation: dict[str, Any] | None = None
+    source: str = ""
+    overrides: tuple[str, ...] = ()
+    node_name: str = ""
     run: RunFacts = field(default_factory=RunFacts)
 
 

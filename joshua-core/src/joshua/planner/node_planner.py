@@ -160,6 +160,9 @@ def _facts(
         external=tuple(endpoint.topic for endpoint in graph.commands(entry) if endpoint.block.external),
         allow_uncalibrated=draft.allows_uncalibrated,
         dry_run=draft.request.dry_run,
+        source=draft.request.path,
+        overrides=tuple(draft.request.overrides),
+        node_name=entry.node.node_name,
         **common,
         **safety_facts(entry.owner, spec),
     )

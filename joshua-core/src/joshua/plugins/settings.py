@@ -122,6 +122,10 @@ class BlockSettings(BaseModel):
                 result[name] = source.convert(value)
         return result
 
+    def warnings(self) -> Sequence[FieldError]:
+        """What is valid, but probably does not work as intended. Each becomes a warning at its field."""
+        return ()
+
 
 class ActuatorSettings(BlockSettings):
     """Base class of the settings of actuators, which define the joints."""
@@ -155,16 +159,23 @@ def make_settings(
         positions: of the loaded configuration; None for diagnostics without positions.
 
     Returns:
-        The settings and no diagnostic; None and the problems; or None and no diagnostic for a spec
+        The settings and their warnings; None and the problems; or None and no diagnostic for a spec
         without a settings model.
     """
+    from joshua.plugins.block_values import block_values
+
     if not spec.settings:
         return None, []
     reason = ""
     try:
         settings_type = load_target(spec.settings)
         if isinstance(settings_type, type) and issubclass(settings_type, BlockSettings):
-            return settings_type.from_block(block, node, context), []
+            settings = settings_type.from_block(block, node, context)
+            warned = [
+                _diagnostic(problem, Severity.WARNING, block_values(block), field_path, positions)
+                for problem in settings.warnings()
+            ]
+            return settings, warned
         reason = f"{spec.settings} is not derived from joshua.plugins.settings.BlockSettings"
     except TargetError as error:
         reason = str(error)
@@ -194,24 +205,33 @@ def settings_diagnostics(
     from joshua.plugins.block_values import block_values
 
     values = block_values(block)
-    diagnostics = []
-    for problem in _problems(error, settings_type, block):
-        path = ".".join(part for part in (field_path, problem.field) if part)
-        found = _look_up(values, problem.field) if problem.field else None
-        remedy = problem.remedy or "Change the value. `joshua explain` describes the field"
-        diagnostics.append(
-            Diagnostic(
-                code=problem.code,
-                severity=Severity.ERROR,
-                message=as_sentence(_begun(str(problem))),
-                position=positions.nearest(path) if positions is not None else None,
-                field_path=path,
-                found="" if found is None else masked(_as_text(found)),
-                allowed=problem.allowed,
-                remedy=as_instruction(remedy),
-            )
-        )
-    return diagnostics
+    return [
+        _diagnostic(problem, Severity.ERROR, values, field_path, positions)
+        for problem in _problems(error, settings_type, block)
+    ]
+
+
+def _diagnostic(
+    problem: FieldError,
+    severity: Severity,
+    values: Mapping[str, Any],
+    field_path: str,
+    positions: Positions | None,
+) -> Diagnostic:
+    """Return the finding about a field of a block with these values."""
+    path = ".".join(part for part in (field_path, problem.field) if part)
+    found = _look_up(values, problem.field) if problem.field else None
+    remedy = problem.remedy or "Change the value. `joshua explain` describes the field"
+    return Diagnostic(
+        code=problem.code,
+        severity=severity,
+        message=as_sentence(_begun(str(problem))),
+        position=positions.nearest(path) if positions is not None else None,
+        field_path=path,
+        found="" if found is None else masked(_as_text(found)),
+        allowed=problem.allowed,
+        remedy=as_instruction(remedy),
+    )
 
 
 def _problems(

@@ -141,6 +141,12 @@ class ManagedProcess:
         """Whether every node is active."""
         return all(record.state == "ready" for record in self.records.values())
 
+    @property
+    def stop_limit_s(self) -> float:
+        """Time from the stop request until the process is killed."""
+        times = ladder_times(self.specs, self._options.ladder)
+        return times.request_s + times.terminate_s
+
     def spawn(self) -> None:
         """Starts the process. ``start`` sends it the nodes to run."""
         self.restart_timer = None
@@ -202,7 +208,7 @@ class ManagedProcess:
     def kill(self) -> None:
         """Kills the process at once, on a user's request."""
         if self.alive:
-            self._kill_reason = "killed by the second signal"
+            self._kill_reason = "killed by a repeated signal"
             self._ladder.kill()
 
     def restart_later(self, delay_s: float) -> None:

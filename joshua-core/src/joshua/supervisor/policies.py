@@ -161,6 +161,8 @@ class SupervisorOptions:
         restart: limits of the restart policy.
         run_base: folder of the run directories; log_directory: folder of the log files.
         began_s: monotonic start of the start-up time; None takes the call of ``run``.
+        devices_outlive_run: false for emulated devices, whose torque ends with them.
+        plan_options: words of the command line that change what the file says.
         handle_signals: whether SIGINT, SIGTERM and SIGHUP stop the run (main thread only).
     """
 
@@ -174,6 +176,8 @@ class SupervisorOptions:
     run_base: Path = field(default_factory=lambda: base_directory(os.environ))
     log_directory: Path = field(default_factory=lambda: log_directory(os.environ))
     began_s: float | None = None
+    devices_outlive_run: bool = True
+    plan_options: tuple[str, ...] = ()
     handle_signals: bool = True
 
 

@@ -141,13 +141,17 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 #: kernel and shell both report a closed terminal.
 ECHO_S = 0.2
 
+#: A key that is held repeats its signal at shorter intervals, a person does not.
+KEY_REPEAT_S = 0.06
+
 
 class StopSignals:
     """Turns signals into calls on the loop while it is installed. Main thread only.
 
     Args:
         reactor: the supervisor's loop.
-        on_signal: called with the number of each signal that does not repeat the one before.
+        on_signal: called with the number of each signal that is neither an echo of the one before nor the
+            repetition of a held key.
     """
 
     def __init__(self, reactor: Reactor, on_signal: Callable[[int], None]) -> None:
@@ -155,7 +159,7 @@ class StopSignals:
         self._on_signal = on_signal
         self._former: dict[int, Any] = {}
         self._former_descriptor = -1
-        self._received_s = float("-inf")
+        self._passed_s = self._received_s = float("-inf")
 
     def install(self) -> None:
         """Takes over the signals."""
@@ -177,6 +181,8 @@ class StopSignals:
 
     def _receive(self, number: int) -> None:
         now_s = self._reactor.now_s()
-        if now_s - self._received_s > ECHO_S:
-            self._received_s = now_s
+        is_held = now_s - self._received_s < KEY_REPEAT_S
+        self._received_s = now_s
+        if not is_held and now_s - self._passed_s > ECHO_S:
+            self._passed_s = now_s
             self._on_signal(number)

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from joshua.guardian import latch
+from joshua.guardian import energised, latch
 from joshua.ipc.client import INFO_NAME, LOCK_NAME, SOCKET_NAME, RunInfo, is_free, read_info
 from joshua.ipc.run_bases import RunDirectoryError, other_bases, private
 from joshua.plan import RunFacts
@@ -97,6 +97,9 @@ class RunDirectory:
             domain_id=self.info.domain_id,
             latch_folder=str(latch.latch_folder(self.path.parents[1])),
             estop_files=str(self.path / latch.FOLDER_NAME),
+            source=self.info.source,
+            run=self.info.run,
+            energised_folder=str(energised.energised_folder(self.path.parents[1])),
         )
 
     def point_to_log(self, log: Path) -> None:

@@ -45,6 +45,7 @@ class RunRequests:
         logbook: of the run; reactor: its loop; processes: of its nodes, filled when they start.
         status: current status of the run.
         stop: stops the run cleanly for the given reason, after the answer was sent.
+        on_guardian: called with the node of each guardian that reports its work.
     """
 
     def __init__(
@@ -54,12 +55,14 @@ class RunRequests:
         processes: Sequence[ManagedProcess],
         status: Callable[[], RunStatus],
         stop: Callable[[str], None],
+        on_guardian: Callable[[str], None] = lambda _node: None,
     ) -> None:
         self._logbook = logbook
         self._reactor = reactor
         self._processes = processes
         self._run_status = status
         self._stop_run = stop
+        self._on_guardian = on_guardian
         self._ids = itertools.count(1)
         self._pending: dict[int, _Pending] = {}
         self._held_estop: ipc.Estop | None = None
@@ -127,7 +130,9 @@ class RunRequests:
             return {"written": True}
         level = request.get("level")
         level = level if isinstance(level, int) else logging.ERROR
-        self._logbook.write(level, str(request.get("text", "")), str(request.get("node", "")))
+        node = str(request.get("node", ""))
+        self._logbook.write(level, str(request.get("text", "")), node)
+        self._on_guardian(node)
         return {"written": True}
 
     def _estop(self, request: Request, client: Connection) -> dict[str, Any]:

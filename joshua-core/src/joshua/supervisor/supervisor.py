@@ -11,12 +11,14 @@ import signal
 import time
 import traceback
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from dataclasses import replace
 from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from joshua.guardian.drop_order import DropOrder
 from joshua.ipc import messages as ipc
 from joshua.ipc.run_bases import MAX_PATH_BYTES, RunDirectoryError, short_base_directory
 from joshua.plan import NodeKind, NodeSpec, Plan, RunFacts, RunReport
@@ -31,6 +33,7 @@ from joshua.supervisor.managed_process import Change, ManagedProcess
 from joshua.supervisor.node_record import NodeRecord, priority_notes, run_status, start_table
 from joshua.supervisor.policies import SupervisorOptions
 from joshua.supervisor.reactor import Reactor, StopSignals
+from joshua.supervisor.repeated_stop import Press, RepeatedStop, StopNotice
 from joshua.supervisor.run_directory import (
     LINK_FOLDER,
     NodesInUseError,
@@ -60,6 +63,9 @@ EXIT_INTERRUPTED = 130
 
 #: Time that the other nodes go on after a failure at the start, so that one run reports every missing device.
 START_SETTLE_S = 0.5
+
+#: Time for the guardians to read the order to drop, which is in the directory of the run, and to report.
+GUARDIAN_TIMEOUT_S = 3.0
 
 #: Exceptions in the supervisor itself after which it lets the fork server end the nodes.
 MAX_DEFECTS = 10
@@ -110,6 +116,8 @@ class Supervisor:
         self._activated = False
         self._settling = False
         self._defects = 0
+        self._repeated = RepeatedStop()
+        self._awaited: set[str] = set()  # nodes whose guardians read the order to drop
         self._run = RunFacts()
 
     def run(self) -> RunReport:
@@ -119,7 +127,12 @@ class Supervisor:
         self._logbook = Logbook(self._reactor, log, self._ui)
         self._logbook.capture()
         self._requests = RunRequests(
-            self._logbook, self._reactor, self._processes, self.status, self.stop_soon
+            self._logbook,
+            self._reactor,
+            self._processes,
+            status=self.status,
+            stop=self.stop_soon,
+            on_guardian=self._on_guardian,
         )
         signals = StopSignals(self._reactor, self._on_signal)
         with ExitStack() as stack:
@@ -172,6 +185,11 @@ class Supervisor:
         self._place = RunPlace(self._reactor, self._logbook, directory, self._requests.handlers())
         stack.callback(self._place.close)
         self._run = directory.facts(self._logbook.path)
+        self._run = replace(self._run, options=self._options.plan_options)
+        if not self._options.devices_outlive_run:
+            self._run = replace(self._run, energised_folder="")
+        with suppress(OSError):  # giving the order then makes the file
+            DropOrder(self._run.estop_files).prepare()
         self._transport = plan.transport.model_copy(update={"link_folder": str(links)})
         return True
 
@@ -362,14 +380,45 @@ class Supervisor:
     # Stop.
 
     def _on_signal(self, number: int) -> None:
+        press = self._repeated.press(number, self._reactor.now_s())
         name = signal.Signals(number).name
-        if self._phase is Phase.STOPPING:
-            self._logbook.write(logging.WARNING, f"{name} again: killing what is left")
-            for process in self._processes:
-                process.kill()
-            return
-        code = EXIT_OK if self._phase is Phase.RUNNING else EXIT_INTERRUPTED
-        self._stop(f"stopped by {name}", code, interrupted=True)
+        if press is Press.STOP:
+            code = EXIT_OK if self._phase is Phase.RUNNING else EXIT_INTERRUPTED
+            self._stop(f"stopped by {name}", code, interrupted=True)
+            if self._phase is Phase.STOPPING:
+                self._logbook.write(logging.INFO, self._notice().first(number))
+        elif press is Press.AGAIN:
+            self._logbook.write(logging.WARNING, self._notice().again(number))
+        elif press is Press.FORCE:
+            self._force_stop(name)
+
+    def _notice(self) -> StopNotice:
+        limit_s = max((process.stop_limit_s for process in self._processes), default=0.0)
+        return StopNotice(self._plan.nodes, limit_s, energised=self._activated)
+
+    def _force_stop(self, name: str) -> None:
+        """Kills all nodes. Their guardians release what parks."""
+        notice = self._notice()
+        self._logbook.write(logging.WARNING, f"{name} repeated: this {notice.forced}")
+        alive = [name for process in self._processes if process.alive for name in process.records]
+        self._awaited = {name for name in notice.parking if name in alive}
+        self._reactor.call_later(GUARDIAN_TIMEOUT_S, self._await_no_guardian)
+        for process in self._processes:
+            process.kill()
+        try:
+            DropOrder(self._run.estop_files).give()
+        except OSError as error:
+            self._logbook.write(logging.ERROR, f"the guardians go on parking: {error}")
+
+    def _on_guardian(self, node: str) -> None:
+        """Notes that a guardian has done its work."""
+        if node in self._awaited:
+            self._awaited.discard(node)
+            self._reactor.call_later(0, self._finish_if_stopped)  # after the answer was sent
+
+    def _await_no_guardian(self) -> None:
+        self._awaited.clear()
+        self._finish_if_stopped()
 
     def stop_soon(self, reason: str) -> None:
         """Stops the run on a user's request, after pending answers were sent."""
@@ -393,7 +442,7 @@ class Supervisor:
         self._finish_if_stopped()
 
     def _finish_if_stopped(self) -> None:
-        if not any(process.alive for process in self._processes):
+        if not self._awaited and not any(process.alive for process in self._processes):
             self._phase = Phase.ENDED
 
     # Show.

@@ -76,6 +76,10 @@ from joshua.cli.running import node_that_holds as node_that_holds
 from joshua.textproto.positions import Positions as Positions
 from joshua.textproto.positions import Entry as Entry
 from joshua.config.format_file import replace_file as replace_file
+from joshua.tools.field_edits import EditError as EditError
+from joshua.tools.field_edits import edited_texts as edited_texts
+from joshua.tools.field_edits import replace_texts as replace_texts
+from joshua.tools.field_edits import show_change as show_change
 
 # Checks of `joshua doctor`
 from joshua.cli.doctor.result import DoctorResult as DoctorResult

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from joshua.api.calibration import ArmCalibration, MotorCalibration
 
+from joshua_calibration.other_arms import fitting_entry
 from joshua_calibration.target import CalibrationTarget, StoredMotor
 
 
@@ -17,7 +18,7 @@ class Comparison:
     Attributes:
         identity: of the device; calibrated_at: of the file's calibration.
         rows: one line for each joint.
-        problems: differences; remedy: what to do about them.
+        problems: differences; remedy: what to do about them, as lines.
     """
 
     node_name: str
@@ -25,13 +26,24 @@ class Comparison:
     calibrated_at: str
     rows: tuple[str, ...]
     problems: tuple[str, ...]
-    remedy: str = ""
+    remedy: tuple[str, ...] = ()
 
 
 def compare(
-    node_name: str, calibration: ArmCalibration | None, target: CalibrationTarget, *, interrupted: bool
+    node_name: str,
+    calibration: ArmCalibration | None,
+    target: CalibrationTarget,
+    *,
+    interrupted: bool,
+    source: str = "",
+    overrides: Sequence[str] = (),
 ) -> Comparison:
     """Compare the calibration of a file with that of an open device, without writing.
+
+    Args:
+        interrupted: whether a calibration of the arm was interrupted.
+        source: configuration whose other arms, and files beside it, may have the values of the device;
+            overrides: its ``--set`` options.
 
     Raises:
         DeviceError: the device does not reply.
@@ -42,8 +54,9 @@ def compare(
     if calibration is None:
         problems = [*note, "the file contains no calibration of this arm"]
         remedy = recover if interrupted else "Calibrate it, or import one"
-        return Comparison(node_name, identity, "", (), tuple(problems), remedy)
+        return Comparison(node_name, identity, "", (), tuple(problems), (f"{remedy}.",))
     problems = note
+    fit = None
     remedy = recover if interrupted else "Calibrate the arm again, or include the file that belongs to it"
     if calibration.device_identity and identity and calibration.device_identity != identity:
         problems.append(f"the calibration was made for {calibration.device_identity}, and this is {identity}")
@@ -60,17 +73,22 @@ def compare(
         differences = _differences(wanted, held[motor.id]) if held is not None else []
         problems += [f"{wanted.joint_name} (id {wanted.id}): {text}" for text in differences]
         rows.append(_row(wanted, differences))
+    if problems and held is not None and not interrupted:
+        fit = fitting_entry(source, overrides, node_name, lambda other: _has_values(other, held))
+        if fit is not None:
+            problems.append(fit.cause)
     known = {motor.id for motor in target.motors}
     problems += [
         f"{m.joint_name} (id {m.id}) is not on the bus" for m in calibration.motors if m.id not in known
     ]
+    lines = (f"{remedy}.",) if fit is None else fit.remedy
     return Comparison(
         node_name,
         identity,
         calibration.calibrated_at,
         tuple(rows),
         tuple(problems),
-        remedy if problems else "",
+        lines if problems else (),
     )
 
 
@@ -81,8 +99,16 @@ def comparison_text(found: Comparison) -> str:
         head += f", calibrated at {found.calibrated_at}"
     lines = [f"{'DIFFERS' if found.problems else 'EQUAL'}  {head}", *(f"  {row}" for row in found.rows)]
     lines += [f"  ! {problem}" for problem in found.problems]
-    lines += [f"  {found.remedy}."] if found.remedy else []
+    lines += [f"  {line}" for line in found.remedy]
     return "\n".join(lines) + "\n"
+
+
+def _has_values(calibration: ArmCalibration, held: Mapping[int, StoredMotor]) -> bool:
+    values = {
+        motor.id: StoredMotor(motor.homing_offset, motor.range_min, motor.range_max)
+        for motor in calibration.motors
+    }
+    return values == held
 
 
 def _differences(wanted: MotorCalibration, held: StoredMotor) -> Sequence[str]:

@@ -84,7 +84,14 @@ def _look(checked: Checked, arguments: argparse.Namespace, rig: EmulatedRig | No
         # a calibration run does not load the file that it replaces; an emulator reports its own calibration
         wanted = arm.previous if plan.mode == MODE else previous.get(arm.node_name) or arm.previous
         try:
-            found = compare(arm.node_name, wanted, arm.target, interrupted=arm.journal.stands)
+            found = compare(
+                arm.node_name,
+                wanted,
+                arm.target,
+                interrupted=arm.journal.stands,
+                source=plan.source,
+                overrides=arguments.overrides,
+            )
         except DeviceError as error:
             raise Refused(f"{arm.node_name}: {error}", ExitCode.HARDWARE) from error
         sys.stdout.write(comparison_text(found))

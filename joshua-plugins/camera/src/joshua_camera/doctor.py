@@ -6,7 +6,10 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
-from joshua.tools import DoctorResult, Host, Level, may_open
+from joshua.tools import DoctorResult, ExitCode, Host, Level, Plan, may_open
+
+from joshua_camera.devices import list_devices
+from joshua_camera.source_text import SourceKind, device_path, source_kind
 
 NAME = "USB"
 HIGH_SPEED_MBIT_S = 480
@@ -47,4 +50,28 @@ def _usb_place(node: Path) -> str:
     return ""
 
 
+def check_cameras_of_file(host: Host, plan: Plan) -> Iterator[DoctorResult]:
+    """Look for the camera of each node of a file, without opening it."""
+    for spec in plan.nodes:
+        if not spec.implementation.startswith("joshua_camera."):
+            continue
+        source = str(spec.settings.get("source") or "")
+        if source and source_kind(source) is not SourceKind.DEVICE:
+            continue
+        path = device_path(source) if source else f"/dev/video{spec.settings.get('device_id', 0)}"
+        if (host.root / path.lstrip("/")).exists():
+            yield DoctorResult(Level.OK, "devices", spec.full_name, f"its camera {path} is plugged in")
+            continue
+        here = ", ".join(f"/dev/video{entry.index}" for entry in list_devices(host.root)) or "none"
+        yield DoctorResult(
+            Level.ERROR,
+            "devices",
+            spec.full_name,
+            f"its camera {path} does not exist. Video devices here: {here}",
+            f"plug it in, or run `joshua find-cameras --write CONFIG --node {spec.name} --camera PATH`",
+            ExitCode.HARDWARE,
+        )
+
+
 CHECKS = (check_permissions, check_bandwidth)
+PLAN_CHECKS = (check_cameras_of_file,)

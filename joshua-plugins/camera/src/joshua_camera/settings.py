@@ -14,6 +14,18 @@ from pydantic import model_validator
 
 from joshua_camera.source_text import SourceKind, scheme, source_kind
 
+#: Bits of one pixel by format, for cameras that send pictures as they are.
+BITS_PER_PIXEL = {
+    **dict.fromkeys(("YUYV", "YUY2", "UYVY", "YVYU", "VYUY", "RGBP"), 16),
+    **dict.fromkeys(("NV12", "NV21", "YU12", "YV12", "I420"), 12),
+    **dict.fromkeys(("RGB3", "BGR3"), 24),
+    "GREY": 8,
+}
+
+#: What one camera can send over USB 2.0: three packets of 1024 bytes in each of 8000 microframes a second.
+#: Source: USB 2.0 specification, 5.9.1.
+USB2_MBIT_S = 3 * 1024 * 8 * 8000 / 1e6
+
 SCHEMES = ("http", "https", "rtsp", "rtsps", "rtmp", "rtp", "tcp", "udp")
 
 
@@ -53,6 +65,25 @@ class CameraSettings(BlockSettings):
         numbers = [publisher.data_type for publisher in getattr(node, "publishers", ())]
         known = tuple(TYPE_NAMES[number] for number in numbers if number in TYPE_NAMES)
         return super().si_values(values, node, context) | {"publishes": known}
+
+    def warnings(self) -> tuple[FieldError, ...]:
+        """Name a stream that does not fit through USB 2.0."""
+        bits = BITS_PER_PIXEL.get(self.pixel_format.upper(), 0)
+        is_device = not self.source or source_kind(self.source) is SourceKind.DEVICE
+        rate_mbit_s = self.width * self.height * self.fps * bits / 1e6
+        if not is_device or rate_mbit_s <= USB2_MBIT_S:
+            return ()
+        return (
+            FieldError(
+                "pixel_format",
+                f"{self.width} × {self.height} pixels of {self.pixel_format} at {self.fps} Hz are "
+                f"{rate_mbit_s:.0f} Mbit/s, but USB 2.0 carries at most {USB2_MBIT_S:.0f} Mbit/s of a camera",
+                allowed=('"MJPG"',),
+                remedy='Write pixel_format: "MJPG", or reduce width, height or fps. A USB 3 camera needs a '
+                "USB 3 socket",
+                code="usb-bandwidth",
+            ),
+        )
 
     @model_validator(mode="after")
     def _check_address(self) -> CameraSettings:

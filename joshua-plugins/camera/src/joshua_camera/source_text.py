@@ -7,8 +7,11 @@ import re
 from enum import Enum
 
 BY_ID_FOLDER = "/dev/v4l/by-id"
+BY_PATH_FOLDER = "/dev/v4l/by-path"
 
 # Patterns are kept as text, so reading a file without a source compiles none.
+# udev's name for the socket begins with the bus of its controller, and contains a colon.
+_BY_PATH_NAME = r"(?:acpi|pci|platform)-[^/]*:[^/]*-video-index\d+"
 _BY_ID_NAME = r"[^/]+-video-index\d+"
 _NUMBERED_DEVICE = r"/dev/video(\d+)"
 _SCHEME = r"([A-Za-z][A-Za-z0-9+.-]*)://"
@@ -40,8 +43,12 @@ def scheme(source: str) -> str:
 
 
 def device_path(source: str) -> str:
-    """Return the path of a device source; a bare name means its link under /dev/v4l/by-id."""
-    return f"{BY_ID_FOLDER}/{source}" if re.fullmatch(_BY_ID_NAME, source) else posixpath.normpath(source)
+    """Return the path of a device source; a bare name means its link under /dev/v4l/by-id or by-path."""
+    if re.fullmatch(_BY_PATH_NAME, source):
+        return f"{BY_PATH_FOLDER}/{source}"
+    if re.fullmatch(_BY_ID_NAME, source):
+        return f"{BY_ID_FOLDER}/{source}"
+    return posixpath.normpath(source)
 
 
 def device_identity(source: str) -> str:

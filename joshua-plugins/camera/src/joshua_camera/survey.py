@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from joshua.api import DeviceError
 from joshua_camera import v4l2
 from joshua_camera.camera import OpenCvCamera
 from joshua_camera.device_errors import explain_device
-from joshua_camera.devices import list_devices
+from joshua_camera.devices import DeviceEntry, ambiguous_ids, list_devices
 from joshua_camera.opencv import load_opencv
 from joshua_camera.settings import CameraSettings
 
@@ -33,6 +33,7 @@ class FoundCamera:
     Attributes:
         path: of its device; name: as reported by the system; "" if unknown.
         index: for ``device_id``; source: stable name for ``source``, "" if it has none.
+        note: what to know about that name; "" for nothing.
         formats: that it reports.
         picture: path of the saved picture; "" if there is none.
         problem: why it cannot be used, with the remedy; "" if it can.
@@ -42,6 +43,7 @@ class FoundCamera:
     name: str
     index: int
     source: str = ""
+    note: str = ""
     formats: tuple[v4l2.PixelFormat, ...] = ()
     picture: str = ""
     problem: str = ""
@@ -62,9 +64,10 @@ def survey(folder: Path | None = None, root: Path = Path("/")) -> list[FoundCame
 
 
 def _on_linux(root: Path) -> Iterator[FoundCamera]:
-    for entry in list_devices(root):
-        stable = entry.by_id[0] if entry.by_id else ""
-        camera = FoundCamera(entry.path, entry.name, entry.index, stable)
+    entries = list_devices(root)
+    ambiguous = ambiguous_ids(entries)
+    for entry in entries:
+        camera = FoundCamera(entry.path, entry.name, entry.index, *_stable_name(entry, ambiguous))
         try:
             with v4l2.open_device(entry.path) as device:
                 capability = device.capability()
@@ -75,6 +78,20 @@ def _on_linux(root: Path) -> Iterator[FoundCamera]:
             yield replace(camera, problem=str(explain_device(entry.path, error)))
             continue
         yield replace(camera, name=entry.name or capability.card, formats=formats)
+
+
+def _stable_name(entry: DeviceEntry, ambiguous: Container[int]) -> tuple[str, str]:
+    """Return the name that means this camera at every start, and what to know about it."""
+    if entry.by_id and entry.index not in ambiguous:
+        return entry.by_id[0], ""
+    if not entry.by_path:
+        return "", ""
+    note = "this name means its USB socket: plug the camera into the same socket each time"
+    if entry.index in ambiguous:
+        note = (
+            f"another camera has the same model and serial number, so their by-id name is ambiguous; {note}"
+        )
+    return entry.by_path[0], note
 
 
 def _by_index() -> Iterator[FoundCamera]:

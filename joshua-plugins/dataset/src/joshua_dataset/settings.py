@@ -68,7 +68,7 @@ UPLOADS = {
     "MANUAL": "manual",
 }
 
-#: Time that the upload at the end of a recording may take; a second Ctrl-C ends it.
+#: Time that the upload at the end of a recording may take; a repeated Ctrl-C ends it.
 UPLOAD_TIMEOUT_S = 7 * 24 * 3600.0
 
 _STORAGE = "Set storage: STORAGE_CLOUD and remote_url"

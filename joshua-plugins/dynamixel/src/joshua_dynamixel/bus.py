@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 
-from joshua.api import AwakeClock
+from joshua.api.patience import AwakeClock
 from joshua_servo.bus import ServoBus
 from joshua_servo.bus_tools import FoundMotor
 from joshua_servo.errors import NoReply

@@ -1,6 +1,6 @@
 """Runs ``joshua`` for a worker, and stops it when the worker ends, even if that is killed.
 
-A run that receives a second signal stops without its last checkpoint. So nothing signals the run but the
+A run that receives further signals stops without its last checkpoint. So nothing signals the run but the
 kernel, once, when the process in between ends: by a signal of the worker, or with the worker.
 """
 

@@ -15,7 +15,8 @@ import termios
 import time
 from collections.abc import Callable, Iterator
 
-from joshua.api import AwakeClock, Cancelled
+from joshua.api import Cancelled
+from joshua.api.patience import AwakeClock
 
 from joshua_serial.errors import (
     PortBusy,

@@ -28,12 +28,12 @@ from joshua_serial.usb_ports import Endpoint
 
 from joshua_servo.bus import ServoBus
 from joshua_servo.diagnostics import bus_row, joint_rows
-from joshua_servo.errors import NoReply, NotCalibrated, NotEnabled, SafetyTripped
+from joshua_servo.errors import CalibrationMismatch, NoReply, NotCalibrated, NotEnabled, SafetyTripped
 from joshua_servo.family import ServoFamily
 from joshua_servo.feedback import Feedback
 from joshua_servo.grip import Grips
 from joshua_servo.handover import open_unguarded
-from joshua_servo.inspection import ServoSetup
+from joshua_servo.inspection import ServoSetup, has_values
 from joshua_servo.joint_map import JointMap
 from joshua_servo.safe_stop import ServoStopRequest
 from joshua_servo.settings import ServoSettings
@@ -190,7 +190,10 @@ class ServoArm(Actuator):
         """Check the motors as at the start and read their limits, without writing. Raises DeviceError."""
         self.require_connected("check")
         with self._lock:
-            setups = self.inspect()
+            try:
+                setups = self.inspect()
+            except CalibrationMismatch as error:
+                raise self._explained(error) from None
             positions = self._state.positions()
             self._map = JointMap(self.settings)
             self._setups = setups
@@ -203,6 +206,19 @@ class ServoArm(Actuator):
             self._watch = HealthWatch(
                 self.joint_names, [setup.health for setup in setups], self.family.status
             )
+
+    def _explained(self, error: CalibrationMismatch) -> CalibrationMismatch:
+        """The error, naming the arm whose values the servos hold, if its calibration is in reach."""
+        from joshua_calibration.other_arms import fitting_entry  # loads the configuration again
+
+        facts = self.context.facts
+        fit = fitting_entry(
+            facts.source,
+            facts.overrides,
+            facts.node_name,
+            lambda other: has_values(other, error.setups),
+        )
+        return error if fit is None else error.explained(fit.cause, fit.remedy)
 
     def read(self) -> JointReading:
         """Read the state of all joints; effort is the fraction of stall torque.

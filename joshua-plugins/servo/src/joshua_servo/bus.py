@@ -21,7 +21,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import ClassVar, NamedTuple
 
-from joshua.api import SILENCE_LIMIT_S, Patience
+from joshua.api.patience import SILENCE_LIMIT_S, Patience
 from joshua_serial.port import SerialPort
 
 from joshua_servo.bus_tools import FoundMotor

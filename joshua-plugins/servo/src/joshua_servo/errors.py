@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 from joshua.api import DeviceError, DeviceSilent
 from joshua.api import SafetyTripped as SafetyTripped
+
+if TYPE_CHECKING:
+    from joshua_servo.inspection import ServoSetup
 
 
 class NoReply(DeviceSilent):
@@ -25,7 +31,29 @@ class MotorCheckFailed(DeviceError):
 
 
 class CalibrationMismatch(DeviceError):
-    """The calibration belongs to another arm, or the servos were calibrated again."""
+    """The calibration belongs to another arm, or the servos were calibrated again.
+
+    Args:
+        port: of the servos; cause: of the mismatch; differences: one for each value.
+        remedy: what to do, as lines.
+        setups: of the servos, as read.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        cause: str,
+        differences: Sequence[str],
+        remedy: Sequence[str],
+        setups: Sequence[ServoSetup] = (),
+    ) -> None:
+        head = f"{port}: the calibration does not match these servos: {cause}"
+        super().__init__("\n  ".join([head, *differences, *remedy]))
+        self.port, self.differences, self.setups = port, differences, setups
+
+    def explained(self, cause: str, remedy: Sequence[str]) -> CalibrationMismatch:
+        """The same error with a cause and a remedy that are known to be right."""
+        return CalibrationMismatch(self.port, cause, self.differences, remedy, self.setups)
 
 
 class NotCalibrated(DeviceError):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from joshua.api.calibration import MotorCalibration
+from joshua.api.calibration import ArmCalibration, MotorCalibration
 
 from joshua_servo.bus import ServoBus
 from joshua_servo.errors import CalibrationMismatch, MotorCheckFailed, SafetyTripped
@@ -108,15 +108,22 @@ def _check_calibration(bus: ServoBus, settings: ServoSettings, setups: Sequence[
         remedy = "Connect the other arm, or include the calibration of this one"
         if not problems:
             remedy += f'. If only the adapter was replaced, write device_identity: "{found}" into the file'
-    raise CalibrationMismatch(
-        "\n  ".join(
-            [
-                f"{bus.port}: the calibration does not match these servos: {cause}",
-                *problems,
-                f"{remedy}. Run joshua calibrate --check to compare file and servos.",
-            ]
-        )
-    )
+    last = f"{remedy}. Run joshua calibrate --check to compare file and servos."
+    raise CalibrationMismatch(str(bus.port), cause, problems, [last], setups)
+
+
+def has_values(calibration: ArmCalibration, setups: Sequence[ServoSetup]) -> bool:
+    """Whether a calibration has exactly the values of some servos."""
+    if {motor.id for motor in calibration.motors} != {setup.servo_id for setup in setups}:
+        return False
+    for setup in setups:
+        motor = calibration.motor(setup.servo_id)
+        if motor is None or motor.homing_offset != setup.homing_offset:
+            return False
+        same_range = (motor.range_min, motor.range_max) == (setup.min_position, setup.max_position)
+        if not setup.turns and not same_range:
+            return False
+    return True
 
 
 def _differences(motor: MotorCalibration, setup: ServoSetup) -> list[str]:

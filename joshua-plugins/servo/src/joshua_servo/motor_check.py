@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from joshua.api import Patience
+from joshua.api.patience import Patience
 from joshua_serial.errors import PortUnusable
 
 from joshua_servo.bus import LONGEST_WAIT_S, ServoBus

@@ -10,12 +10,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from joshua.api import AwakeClock, DeviceError, SafeStopRequest, SafeStopResult, TorqueState
+from joshua.api import DeviceBusy, DeviceError, SafeStopRequest, SafeStopResult, TorqueState
+from joshua.api.patience import AwakeClock
 from joshua_serial.errors import PortDisconnected
 from joshua_serial.port import SerialPort
 from joshua_serial.usb_ports import Endpoint
 
 from joshua_servo.bus import ServoBus
+from joshua_servo.errors import NoReply
 from joshua_servo.family import ServoFamily
 from joshua_servo.register_read import read_registers
 from joshua_servo.tuning import StoredRegister, restore
@@ -73,6 +75,10 @@ class ServoStopRequest(SafeStopRequest):
     def run(self) -> SafeStopResult:
         """Open the port, apply the safe state and verify it. Never raises errors of the device."""
         return run(self, self.family, self.make_bus).result()
+
+    def read_torque(self) -> dict[str, bool]:
+        """Read which servos have torque, by id. Raises DeviceError, also if one does not reply."""
+        return _SafeStop(self, self.family, self.make_bus).read_torque()
 
 
 @dataclass
@@ -167,6 +173,32 @@ class _SafeStop:
 
     def close(self) -> None:
         self._port.close()
+
+    def read_torque(self) -> dict[str, bool]:
+        """Read which servos have torque, by id, as soon as an ending owner has closed the port."""
+        torque, ids = self._family.torque_enable, self.request.ids
+        try:
+            self._open_once_free()
+            self._port.send(PADDING)
+            self._bus.detect_echo()
+            left_s = max(ROUND_S, self._deadline_s - self._clock.now_s())
+            found = self._bus.sync_read(torque.address, torque.width, ids, within_s=left_s)
+        finally:
+            self.close()
+        if silent := [str(servo_id) for servo_id in ids if servo_id not in found]:
+            raise NoReply(f"{self._port}: ids {', '.join(silent)} do not report their torque")
+        return {str(servo_id): torque.decode(found[servo_id]) != 0 for servo_id in ids}
+
+    def _open_once_free(self) -> None:
+        while True:
+            try:
+                self._port.open()
+            except DeviceBusy:
+                if not self._time_left():
+                    raise
+                time.sleep(RETRY_S)
+            else:
+                return
 
     def _open(self) -> None:
         """Open the port as soon as its last owner has ended, or the adapter is back and accessible."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 
-from joshua.api import DeviceError, Patience
+from joshua.api import DeviceError
+from joshua.api.patience import Patience
 
 from joshua_servo.bus import ServoBus
 from joshua_servo.errors import NoReply

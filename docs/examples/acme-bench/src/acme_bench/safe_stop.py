@@ -33,6 +33,15 @@ class ClampStop(SafeStopRequest):
                 port.close()
             time.sleep(0.01)  # the system is still closing the driver's handles, or a byte was lost
 
+    def read_torque(self) -> dict[str, bool]:
+        """Tell ``joshua status`` whether the clamp keeps its torque after a run. Raises DeviceError."""
+        port = SerialPort(Endpoint(self.path, self.serial_number), self.baudrate)
+        port.open()
+        try:
+            return {"clamp": ask(port, "S").torque}
+        finally:
+            port.close()
+
     def _act(self, port: SerialPort) -> TorqueState:
         state = ask(port, "S")
         if self.action == "HOLD":

@@ -75,6 +75,8 @@ def _results(arguments: argparse.Namespace, host: Host, parts: Sequence[Any]) ->
         result = examine(request_of(arguments, Purpose.SHOW))
         opens, further = not arguments.no_scan, added("NODE_CHECKS")
         yield from check_configuration(result, opens=opens, further=further)
+        for check in added("PLAN_CHECKS") if result.plan is not None else ():
+            yield from check(host, result.plan)
     elif not arguments.no_scan:
         for check in added("DEVICE_CHECKS"):
             yield from check(host, arguments)

@@ -7,7 +7,7 @@ import os
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from joshua.cli.exit_codes import ExitCode
 from joshua.cli.options import add_config_options, add_timeout
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from joshua.cli.estop import EstopTarget
+    from joshua.guardian.energised import EnergisedRecord
     from joshua.guardian.latch import EstopReport, LatchFolder
 
     Latches = Mapping[Path, LatchFolder]
@@ -26,6 +27,20 @@ STARTING_S = 2.0
 #: … and within this one its actuators can be latched, before they have torque.
 STARTED_S = 30.0
 POLL_S = 0.05
+
+
+class Outcome(NamedTuple):
+    """What an e-stop did to the actuators of one system or file.
+
+    Attributes:
+        title: of the system; reports: on its actuators.
+        roads: of the e-stop, and what happened on each; lasting: whether the torque stays off.
+    """
+
+    title: str
+    reports: list[EstopReport]
+    roads: list[tuple[str, str]]
+    lasting: bool
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,8 +80,10 @@ def stop(latches: Latches, args: argparse.Namespace) -> int:
     systems = _systems(latches, word)
     if not systems and Path(word).is_file():
         return stop_file(latches, args)
-    systems = systems or _starting(latches, word)
-    if not systems:
+    left = [] if systems else reach_left(latches, word)
+    if not systems and not (word and left):
+        systems = _starting(latches, word)
+    if not systems and not left:
         known = _systems(latches, "")
         problem = f"{word} is neither a running system nor a file" if word else "no system is running"
         sys.stderr.write(
@@ -75,30 +92,65 @@ def stop(latches: Latches, args: argparse.Namespace) -> int:
         )
         sys.stderr.writelines(f"  {item.info.process_id}  {item.info.source}\n" for item in known)
         return ExitCode.INVALID if known else ExitCode.FAILED
-    code = stop_systems(systems, latches, args.timeout)
-    if not word and (late := _started_beside(latches, systems)):
-        code = stop_systems(late, latches, args.timeout) or code
+    outcomes = left + reach_systems(systems, latches, args.timeout)
+    if not word and not left:
+        outcomes += reach_left(latches, "")
+    code = _show(outcomes)  # after every actuator was reached, because output may fail
+    if not word and systems and (late := _started_beside(latches, systems)):
+        code = _show(reach_systems(late, latches, args.timeout)) or code
     return code
 
 
-def stop_systems(systems: list[EstopTarget], latches: Latches, timeout_s: float) -> int:
+def reach_systems(systems: list[EstopTarget], latches: Latches, timeout_s: float) -> list[Outcome]:
     """Latch every e-stop first, then wait for each system."""
     for system in systems:
         system.begin(latches, timeout_s)
-    reached = [(system, system.reports()) for system in systems]  # before any output, which may fail
-    good = lasting = True
+    reached = [(system, system.reports()) for system in systems]
+    from joshua.cli.energised import forget_released
+
+    outcomes = []
     for system, reports in reached:
+        forget_released(latches, system.info.source, reports)
         title = f"{system.info.source} (process {system.info.process_id})"
-        good &= _show(title, reports, system.roads(), latched=system.stays_off)
-        lasting &= system.stays_off
-    return _end(good, lasting=lasting)
+        outcomes.append(Outcome(title, reports, system.roads(), system.stays_off))
+    return outcomes
+
+
+def reach_left(latches: Latches, word: str) -> list[Outcome]:
+    """Latch and release the actuators that runs left with torque, all or those of a file.
+
+    They are reached as their drivers reached them, whatever their files say meanwhile.
+    """
+    from joshua.cli.energised import recorded
+
+    path = os.path.abspath(word)  # noqa: PTH100 (links stay as they are)
+    files: dict[tuple[str, str, int], list[EnergisedRecord]] = {}
+    for _, record in recorded(latches):
+        if not word or record.source == path:
+            files.setdefault((record.robot, record.source, record.domain_id), []).append(record)
+    return [_reach_recorded(latches, records) for records in files.values()]
+
+
+def _reach_recorded(latches: Latches, records: list[EnergisedRecord]) -> Outcome:
+    """Latch and release the recorded actuators of one file."""
+    from joshua.cli.energised import release_recorded
+    from joshua.cli.estop import set_latch
+
+    first = records[0]
+    nodes = [record.node for record in records]
+    latched = set_latch(latches, next(iter(latches)), first.robot, first.source, first.domain_id, nodes)
+    reports = release_recorded(latches, latched.latch, records)
+    roads = [("latch", latched.detail), ("device", "opened here")]
+    return Outcome(f"{first.source} (not running)", reports, roads, latched.stored)
 
 
 def stop_file(latches: Latches, args: argparse.Namespace) -> int:
     """Latch the e-stop of a file that does not run, and release its actuators from here.
 
-    A run of the same robot under another file is stopped instead.
+    Actuators that its last run left with torque are reached as their drivers reached them, even if the file
+    is invalid meanwhile. A run of the same robot under another file is stopped instead.
     """
+    from joshua.cli.energised import forget_released, recorded
     from joshua.cli.estop import release_offline, set_latch
     from joshua.cli.report import exit_code_of, request_of, show_findings
     from joshua.guardian.latch import Subject
@@ -106,8 +158,13 @@ def stop_file(latches: Latches, args: argparse.Namespace) -> int:
     from joshua.planner.pipeline import examine
     from joshua.planner.request import Purpose
 
+    source = os.path.abspath(args.config)  # noqa: PTH100 (links stay as they are)
+    records = [record for _, record in recorded(latches) if record.source == source and record.implementation]
+    left = _reach_recorded(latches, records) if records else None
     result = examine(request_of(args, Purpose.SHOW))
     plan = result.plan
+    if plan is None and left is not None:
+        return _show([left])
     if plan is None:
         show_findings(result, args.format)
         sys.stderr.write("joshua estop: the file is invalid, so nothing was stopped\n")
@@ -117,14 +174,17 @@ def stop_file(latches: Latches, args: argparse.Namespace) -> int:
     subjects = [Subject(plan.robot_id, domain_id, spec.full_name) for spec in specs]
     same = [system for system in _systems(latches, "") if any(map(system.concerns, subjects))]
     if same:
-        return stop_systems(same, latches, args.timeout)
-    source = os.path.abspath(plan.source)  # noqa: PTH100 (links stay as they are)
+        return _show(reach_systems(same, latches, args.timeout))
     nodes = [spec.full_name for spec in specs]
     latched = set_latch(latches, next(iter(latches)), plan.robot_id, source, domain_id, nodes)
-    reports = [release_offline(spec, latched.latch) for spec in specs]
+    reports = {} if left is None else {report.node: report for report in left.reports}
+    for spec in specs:
+        report = reports.get(spec.full_name)
+        if report is None or not report.complete or args.overrides:
+            reports[spec.full_name] = release_offline(spec, latched.latch)
+    forget_released(latches, source, reports.values())
     roads = [("latch", latched.detail), ("device", "opened here")]
-    good = _show(f"{source} (not running)", reports, roads, latched=latched.stored)
-    return _end(good, lasting=latched.stored)
+    return _show([Outcome(f"{source} (not running)", list(reports.values()), roads, latched.stored)])
 
 
 def release(latches: Latches, word: str) -> int:
@@ -217,20 +277,19 @@ def _started_beside(latches: Latches, stopped: list[EstopTarget]) -> list[EstopT
     return [item for item in _systems(latches, "") if item.info.process_id not in process_ids(stopped)]
 
 
-def _show(title: str, reports: list[EstopReport], roads: list[tuple[str, str]], *, latched: bool) -> bool:
+def _show(outcomes: list[Outcome]) -> ExitCode:
     from joshua.cli.estop import lines
 
-    sys.stdout.write(f"e-stop {'latched' if latched else 'not latched'}: {title}\n")
-    sys.stdout.writelines(f"{line}\n" for line in lines(reports, roads))
-    return all(report.complete for report in reports)
-
-
-def _end(good: bool, *, lasting: bool) -> ExitCode:
-    if lasting:
+    for outcome in outcomes:
+        latched = "latched" if outcome.lasting else "not latched"
+        sys.stdout.write(f"e-stop {latched}: {outcome.title}\n")
+        sys.stdout.writelines(f"{line}\n" for line in lines(outcome.reports, outcome.roads))
+    if all(outcome.lasting for outcome in outcomes):
         sys.stdout.write("Torque stays off until you run: joshua estop --release\n")
     else:
         sys.stdout.write(
             "The e-stop does not last: a start or `joshua resume` enables torque. Make the folder of the "
             "latch writable, then run: joshua estop\n"
         )
+    good = all(report.complete for outcome in outcomes for report in outcome.reports)
     return ExitCode.OK if good else ExitCode.HARDWARE

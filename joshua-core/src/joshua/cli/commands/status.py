@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show the status of running systems; exit code 0, 1 if one does not answer or the file does not run."""
+    from joshua.cli.energised import left_energised, left_lines
     from joshua.guardian.latch import LatchFolder, latch_folder
     from joshua.ipc.client import CallError
     from joshua.ipc.run_bases import base_directories
@@ -44,6 +45,9 @@ def run(args: argparse.Namespace) -> int:
     except CallError as error:
         if args.config:
             sys.stderr.write(f"joshua status: {error}\n" + "".join(f"  {line}\n" for line in error.allowed))
+            path = os.path.abspath(args.config)  # noqa: PTH100 (links stay as they are)
+            held = left_energised(base_directories(os.environ), lambda record: record.source == path)
+            sys.stderr.writelines(f"{line}\n" for line in left_lines(held))
             return ExitCode.FAILED
         systems = []
     if args.watch and systems:
@@ -56,8 +60,10 @@ def run(args: argparse.Namespace) -> int:
         except CallError as error:
             sys.stderr.write(f"{error}\n")
             failed = True
+    left = [] if args.config else left_lines(left_energised(base_directories(os.environ)))
     if as_json:
         sys.stdout.write(json.dumps([_record(*item) for item in answers], indent=2) + "\n")
+        sys.stderr.writelines(f"{line}\n" for line in left)
         return ExitCode.FAILED if failed else ExitCode.OK
     raw(sys.stdout).writelines(f"{line}\n" for item in answers for line in _lines(*item))
     if not systems:
@@ -65,6 +71,7 @@ def run(args: argparse.Namespace) -> int:
     folders = [LatchFolder(latch_folder(base)) for base in base_directories(os.environ)]
     latches = dict.fromkeys(latch.text for folder in folders for latch in folder.all())
     sys.stdout.writelines(f"{text}\n" for text in latches)
+    sys.stdout.writelines(f"{line}\n" for line in left)
     return ExitCode.FAILED if failed else ExitCode.OK
 
 

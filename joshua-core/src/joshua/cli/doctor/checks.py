@@ -5,6 +5,7 @@ The entry point names a light module with any of these names:
 - ``CHECKS``: functions that check the machine and open no device: ``check(host)`` yields results.
 - ``DEVICE_CHECKS``: functions that open devices: ``check(host, arguments)``. They do not run with
   ``--no-scan``, nor with a file, whose drivers open its devices.
+- ``PLAN_CHECKS``: functions that check the nodes of a file and open no device: ``check(host, plan)``.
 - ``NODE_CHECKS``: functions that check one actuator of a file: ``check(spec, settings)``.
 - ``add_arguments(parser)``: add options to the command.
 - ``begin(arguments, host)``: runs first. The command exits with the returned code; None continues.

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from joshua_camera.survey import FoundCamera
 
-SUMMARY = "list the cameras of this machine, and save a picture of each"
+SUMMARY = "list the cameras of this machine, save pictures, and write stable names into a file"
 
 NOTHING = """no camera was found
 
@@ -34,6 +34,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="save a picture of each camera in this folder",
     )
+    parser.add_argument(
+        "--write",
+        dest="write_to",
+        metavar="CONFIG",
+        default="",
+        help="write the stable name of each camera into a configuration",
+    )
+    parser.add_argument("--node", metavar="NAME", default="", help="with --write: only the node of this name")
+    parser.add_argument(
+        "--camera", metavar="PATH", default="", help="with --write and --node: the camera of that node"
+    )
+    parser.add_argument(
+        "--show-only", action="store_true", help="with --write: show the change, but write nothing"
+    )
     parser.add_argument("--format", choices=("text", "json"), default=argparse.SUPPRESS, help="output format")
 
 
@@ -43,6 +57,14 @@ def run(arguments: argparse.Namespace) -> int:
 
     from joshua_camera.survey import survey
 
+    if not arguments.write_to:
+        for option in ("node", "camera", "show_only"):
+            if getattr(arguments, option):
+                name = f"--{option.replace('_', '-')}"
+                sys.stderr.write(
+                    f"joshua find-cameras: {name} has no effect without --write CONFIG: add it\n"
+                )
+                return ExitCode.INVALID
     try:
         if arguments.save is not None:
             arguments.save.mkdir(parents=True, exist_ok=True)
@@ -51,6 +73,10 @@ def run(arguments: argparse.Namespace) -> int:
         reason = (error.strerror or str(error)).lower()
         sys.stderr.write(f"joshua find-cameras: {arguments.save} cannot be written: {reason}\n")
         return ExitCode.INVALID
+    if arguments.write_to:
+        from joshua_camera.commands.write_source import write
+
+        return write(arguments, cameras)
     if getattr(arguments, "format", "text") == "json":
         sys.stdout.write(json.dumps([as_json(camera) for camera in cameras], indent=2) + "\n")
     else:
@@ -72,6 +98,8 @@ def paragraph(camera: FoundCamera) -> str:
             lines.append(f"  {entry.code}  {size.width} × {size.height}" + (f"  {rates} Hz" if rates else ""))
     if camera.picture:
         lines.append(f"  picture: {camera.picture}")
+    if camera.note:
+        lines.append(f"  note: {camera.note}")
     if camera.problem:
         lines.append(f"  problem: {camera.problem}")
     return "\n".join(lines) + "\n"
@@ -83,6 +111,7 @@ def as_json(camera: FoundCamera) -> dict[str, Any]:
         "path": camera.path,
         "device_id": camera.index,
         "source": camera.source,
+        "note": camera.note,
         "name": camera.name,
         "formats": [
             {

@@ -95,7 +95,7 @@ class Uploads:
         if not self._has_kept:
             return
         self._context.log.info(
-            "uploading to %s; press Ctrl-C again to leave it for `joshua dataset upload`",
+            "uploading to %s; press Ctrl-C twice within 2 s to leave it for `joshua dataset upload`",
             self._settings.remote,
         )
         try:

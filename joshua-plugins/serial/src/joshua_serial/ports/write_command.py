@@ -8,16 +8,19 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from joshua.tools import ExitCode, replace_file
+from joshua.tools import EditError, ExitCode, edited_texts, replace_texts, show_change
 
 from joshua_serial.ports.identity import Ambiguous, NodePort, adapter_of, lasting_name
-from joshua_serial.ports.text_edit import Edit, EditError, apply_edits, set_strings
 from joshua_serial.usb_ports import PortEntry, list_ports
 
 if TYPE_CHECKING:
     import argparse
 
     from joshua.tools import LoadedConfig
+
+
+#: Fields of a ``serial`` block that a new field may follow.
+FIELDS = ("port", "serial_number", "vid_pid", "baudrate")
 
 
 class Refused(Exception):
@@ -66,13 +69,14 @@ def _write(arguments: argparse.Namespace, named: Sequence[PortEntry], device_roo
     if problems:
         raise Refused("\n".join(problems), ExitCode.INVALID if ports else ExitCode.HARDWARE)
     try:
-        texts = _new_texts(loaded, values)
+        texts = edited_texts(loaded, values, FIELDS)
+        for name, text in texts.items():
+            show_change(name, loaded.sources[name], text)
+        if texts and not arguments.show_only:
+            replace_texts(texts, lambda: _check(loaded.path, values))
     except EditError as error:
         raise Refused(str(error)) from error
-    for name, text in texts.items():
-        _show(name, loaded.sources[name], text)
-    if texts and not arguments.show_only:
-        _replace_all(loaded, texts, values)
+    if not arguments.show_only:
         sys.stdout.write("".join(f"{name}: written\n" for name in texts))
     return bool(texts)
 
@@ -143,49 +147,13 @@ def _identities(
     return values, problems
 
 
-def _new_texts(loaded: LoadedConfig, values: dict[str, dict[str, str]]) -> dict[str, str]:
-    edits: dict[str, list[Edit]] = {}
-    for path, fields in values.items():
-        for edit in set_strings(loaded.positions, path, fields):
-            edits.setdefault(edit.file, []).append(edit)
-    return {name: apply_edits(loaded.sources[name], items) for name, items in edits.items()}
-
-
-def _show(name: str, old: str, new: str) -> None:
-    lines = difflib.unified_diff(
-        old.splitlines(keepends=True), new.splitlines(keepends=True), name, name, n=2
-    )
-    for line in lines:
-        sys.stdout.write(line if line.endswith("\n") else line + "\n")
-
-
-def _replace_all(loaded: LoadedConfig, texts: dict[str, str], values: dict[str, dict[str, str]]) -> None:
-    """Replace the files and read them back; restore all of them if anything differs.
-
-    Raises Refused.
-    """
-    originals = {name: Path(name).read_bytes() for name in texts}
-    texts = {name: _in_style_of(originals[name], text) for name, text in texts.items()}
-    try:
-        for name, text in texts.items():
-            replace_file(name, text)
-        _check(loaded.path, values)
-    except (OSError, Refused) as error:
-        for name, data in originals.items():
-            if Path(name).read_bytes() != data:
-                replace_file(name, data.decode())
-        raise Refused(f"the file was restored: {error}") from error
-
-
-def _in_style_of(original: bytes, text: str) -> str:
-    """Return text with the line ends and byte order mark of the original file."""
-    mark = "\ufeff" if original.startswith(b"\xef\xbb\xbf") else ""
-    return mark + (text.replace("\n", "\r\n") if b"\r\n" in original else text)
-
-
 def _check(path: str, values: dict[str, dict[str, str]]) -> None:
-    found = {node.path: node for node in node_ports(_load(path))}
+    """Read the file back. Raises EditError if a value is another one."""
+    try:
+        found = {node.path: node for node in node_ports(_load(path))}
+    except Refused as error:
+        raise EditError(str(error)) from error
     for serial_path, fields in values.items():
         for name, value in fields.items():
             if getattr(found.get(serial_path), name, None) != value:
-                raise Refused(f"{serial_path}.{name} did not become {value!r}")
+                raise EditError(f"{serial_path}.{name} did not become {value!r}")
