@@ -2,8 +2,8 @@
 
 Names are imported at first use, so a plugin's description that takes its specs from here stays light. What
 fewer plugins need is in the modules of this package: ``calibration``, ``clocks``, ``emulation``, ``files``,
-``models``, ``modes``, ``motions``, ``nodes``, ``patience``, ``schema``, ``simulation``, ``specs`` and
-``transports``. The other public modules are ``joshua.features`` (observations and actions),
+``models``, ``modes``, ``motions``, ``nodes``, ``patience``, ``schema``, ``simulation``, ``specs``, ``texts``
+and ``transports``. The other public modules are ``joshua.features`` (observations and actions),
 ``joshua.messages`` (ROS 2 messages), ``joshua.testing`` (the conformance kit) and ``joshua.tools`` (load,
 check, plan, and the client of a running system).
 """
