@@ -163,6 +163,14 @@ def test_the_run_ends_when_no_node_is_left(robot):
     assert "stays down: its restart policy is 'never'" in robot.ui.text()
 
 
+def test_a_node_whose_failure_would_recur_is_not_restarted(robot):
+    report = robot.run(robot.node("RaisesForGood"), robot.node("Quiet"), duration_s=3.0)
+    failed, other = report.nodes
+    assert (failed.state, failed.restarts) == ("failed", 0)
+    assert other.state == "stopped"
+    assert "stays down: a restart would fail in the same way" in robot.ui.text()
+
+
 def test_a_node_can_take_the_run_with_it(robot):
     report = robot.run(
         robot.node("Raises", restart="stop-run"), robot.node("Quiet", restart="never"), duration_s=None

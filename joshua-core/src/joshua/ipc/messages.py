@@ -173,6 +173,7 @@ class Failure(Message):
     """Child to supervisor: a node failed in a lifecycle step.
 
     ``exit_code``: of the program after such a failure. ``unexpected``: the user needs the traceback too.
+    ``is_permanent``: a restart would fail in the same way.
     """
 
     kind: Literal["failure"] = "failure"
@@ -182,6 +183,7 @@ class Failure(Message):
     text: str
     traceback: str = ""
     unexpected: bool = True
+    is_permanent: bool = False
 
 
 class VerbInfo(BaseModel):

@@ -112,6 +112,15 @@ class Model(ABC):
 
 
 class ModelError(Exception):
-    """A model cannot be loaded or run. The message names the model and the remedy, for the user."""
+    """A model cannot be loaded or run. The message names the model and the remedy, for the user.
+
+    Args:
+        text: of the message.
+        is_permanent: a restart of its node would fail in the same way, as with weights that are not a number.
+    """
 
     exit_code = 1
+
+    def __init__(self, text: str = "", *, is_permanent: bool = False) -> None:
+        super().__init__(text)
+        self.is_permanent = is_permanent

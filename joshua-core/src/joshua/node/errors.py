@@ -15,6 +15,9 @@ class NodeError(Exception):
 
     exit_code: ClassVar[int] = EXIT_NODE_FAILED
 
+    #: Whether the failure cannot differ after a restart, so that the node is not restarted.
+    is_permanent: bool = False
+
 
 class InterruptedLifecycleError(BaseException):
     """Interrupts the node's thread, if it did not react to a stop request.
@@ -31,6 +34,11 @@ def exit_code_of(error: BaseException) -> int:
     if isinstance(error, ModuleNotFoundError):
         return EXIT_PLUGIN_MISSING
     return EXIT_NODE_FAILED
+
+
+def is_permanent(error: BaseException) -> bool:
+    """Whether an error says that a restart would meet it again, as a missing field or broken weights."""
+    return getattr(error, "is_permanent", False) is True
 
 
 class Cancelled(NodeError):

@@ -17,7 +17,13 @@ from joshua.node.behaviour import NodeBehaviour
 from joshua.node.calls import Calls
 from joshua.node.context import NodeContext, NodeFailedError
 from joshua.node.endpoints import Endpoints
-from joshua.node.errors import Cancelled, InterruptedLifecycleError, NodeError, exit_code_of
+from joshua.node.errors import (
+    Cancelled,
+    InterruptedLifecycleError,
+    NodeError,
+    exit_code_of,
+    is_permanent,
+)
 from joshua.node.extensions import ExtendedNode, extend
 from joshua.node.implementation import load_behaviour
 from joshua.node.logs import NodeLogHandler, RosoutPublisher, node_logger
@@ -268,6 +274,7 @@ class NodeRuntime:
             text=_describe(error, self._spec),
             traceback=_traceback(error),
             unexpected=not _explains_itself(error),
+            is_permanent=is_permanent(error),
         )
         self._services.send(failure)
 

@@ -381,6 +381,8 @@ class ManagedProcess:
 
     def _on_failure(self, record: NodeRecord, failure: ipc.Failure) -> None:
         record.fail(failure.text, failure.exit_code)
+        if failure.is_permanent:
+            self.policy.give_up("a restart would fail in the same way")
         name = record.spec.full_name
         # A hang is known already. What follows is its end.
         level = logging.ERROR if self._dump is None else logging.DEBUG

@@ -114,6 +114,7 @@ class RestartPolicy:
         self.policy = min(policies, key=["stop-run", "never", "on-failure"].index)
         self._limits = limits
         self._failures_s: list[float] = []
+        self._given_up = ""
 
     @property
     def stops_run(self) -> bool:
@@ -123,11 +124,18 @@ class RestartPolicy:
     def forget(self) -> None:
         """Resets the count of failures."""
         self._failures_s = []
+        self._given_up = ""
+
+    def give_up(self, reason: str) -> None:
+        """Lets the process stay down after its failure, until ``forget``."""
+        self._given_up = reason
 
     def failed(self, now_s: float) -> float | str:
         """Counts a failure and returns the delay of the restart, or why there is none."""
         if self.policy != "on-failure":
             return f"its restart policy is {self.policy!r}"
+        if self._given_up:
+            return self._given_up
         limits = self._limits
         self._failures_s = [time_s for time_s in self._failures_s if now_s - time_s < limits.window_s]
         self._failures_s.append(now_s)

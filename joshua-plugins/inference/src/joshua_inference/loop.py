@@ -235,9 +235,16 @@ def checked(actions: FloatArray, joints: JointSpace, name: str) -> FloatArray:
     """Clip a model's actions to the limits. Raises ModelError for any other shape, or NaN."""
     chunk, count = np.asarray(actions, np.float64), len(joints.names)
     if chunk.ndim != 2 or chunk.shape[0] < 1 or chunk.shape[1] != count:
-        raise ModelError(f"{name}.act returned shape {chunk.shape}; {count} joints need (T, {count}), T ≥ 1")
+        raise ModelError(
+            f"{name}.act returned shape {chunk.shape}; {count} joints need (T, {count}), T ≥ 1",
+            is_permanent=True,
+        )
     if not np.isfinite(chunk).all():
-        raise ModelError(f"{name}.act returned a value that is not finite: nothing is sent to the joints")
+        raise ModelError(
+            f"{name}.act returned a value that is not finite: nothing is sent to the joints. Its weights may "
+            "be damaged: run another checkpoint",
+            is_permanent=True,
+        )
     return np.clip(chunk, joints.position_min_rad, joints.position_max_rad)
 
 

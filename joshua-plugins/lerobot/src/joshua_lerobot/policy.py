@@ -228,19 +228,22 @@ class ArmUnits:
 
 def open_checkpoint(settings: PolicySettings) -> tuple[Checkpoint, Unit]:
     """Fetch and read a checkpoint. Raises ModelError."""
-    try:
-        folder = Path(settings.weights)
-        if not folder.exists() and is_hub_id(settings.weights):
+    folder = Path(settings.weights)
+    if not folder.exists() and is_hub_id(settings.weights):
+        try:
             folder = fetch(settings.weights, settings.revision)
+        except CheckpointError as error:  # the hub may be reached later
+            raise ModelError(str(error)) from error
+    try:
         checkpoint = settings.read(folder)
         settings.needs_of(
             checkpoint
-        )  # a checkpoint of the hub may not have been here when the file was checked
+        )  # a checkpoint of the hub may not have been here at the check of the file
         return checkpoint, Unit(settings.unit_of(checkpoint))
     except CheckpointError as error:
-        raise ModelError(str(error)) from error
+        raise ModelError(str(error), is_permanent=True) from error
     except FieldError as error:
-        raise ModelError(f"{error}. {error.remedy}") from error
+        raise ModelError(f"{error}. {error.remedy}", is_permanent=True) from error
 
 
 def needs_of(settings: PolicySettings, checkpoint: Checkpoint | None) -> ModelNeeds:

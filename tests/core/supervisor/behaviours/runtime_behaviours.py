@@ -12,6 +12,7 @@ from typing import Any
 
 from joshua.devices.errors import DeviceError
 from joshua.node.behaviour import NodeBehaviour
+from joshua.node.errors import NodeError
 from joshua.plan import TopicSpec
 
 
@@ -188,6 +189,17 @@ class InTimer(Quiet):
 class Raises(InTimer):
     def act(self) -> None:
         raise RuntimeError("the timer is broken")
+
+
+class Recurs(NodeError):
+    """A failure that a restart would meet again."""
+
+    is_permanent = True
+
+
+class RaisesForGood(InTimer):
+    def act(self) -> None:
+        raise Recurs("the weights are not a number")
 
 
 class ComesBackSlowly(Raises):
