@@ -236,9 +236,8 @@ def open_checkpoint(settings: PolicySettings) -> tuple[Checkpoint, Unit]:
             raise ModelError(str(error)) from error
     try:
         checkpoint = settings.read(folder)
-        settings.needs_of(
-            checkpoint
-        )  # a checkpoint of the hub may not have been here at the check of the file
+        # A checkpoint of the hub may not have been here when the file was checked.
+        settings.needs_of(checkpoint)
         return checkpoint, Unit(settings.unit_of(checkpoint))
     except CheckpointError as error:
         raise ModelError(str(error), is_permanent=True) from error
