@@ -5,6 +5,7 @@ Why one file: life cycle, verbs and the thread of the model share one state.
 
 from __future__ import annotations
 
+import importlib
 import os
 import sys
 import threading
@@ -26,6 +27,7 @@ from joshua.api import (
     RefusedError,
     verb,
 )
+from joshua.api.models import ModelSettings
 from joshua.api.nodes import (
     ModelFacts,
     NodeBehaviour,
@@ -155,8 +157,10 @@ class InferenceNode(NodeBehaviour):
                     load_decoder()
                 except MessageError as error:
                     raise ModelError(f"{spec.full_name}: {error}") from error
-        if not self._facts.awaits_weights:
-            with threads_stand_back():
+        with threads_stand_back():
+            if self._facts.awaits_weights:
+                self._import_libraries()
+            else:
                 self._model = self._loaded()
         publishers = [self.context.publisher(topic) for topic in spec.publishers]
         self._commands = Commands(publishers, self._rate_hz, self._facts.arms)
@@ -398,10 +402,27 @@ class InferenceNode(NodeBehaviour):
                 joints.position_max_rad[index],
             )
 
+    def _import_libraries(self) -> None:
+        """Import what the model needs before the node's threads run.
+
+        The import of a large library keeps every other thread of the process from running for seconds, which is
+        taken for a hang once the node is active.
+        """
+        self._limit_threads()
+        _, settings = load_implementation(self.context.spec, Model)
+        if isinstance(settings, ModelSettings):
+            for library in settings.needs().libraries:
+                importlib.import_module(library)
+
+    def _limit_threads(self) -> None:
+        """Let numeric libraries use as many threads as the file says; they read it when they are imported."""
+        threads = self._facts.compute.threads or os.cpu_count()
+        for variable in _THREADS:
+            os.environ[variable] = str(threads)
+
     def _loaded(self) -> Model:
         name, compute = self.context.spec.full_name, self._facts.compute
-        for variable in _THREADS:
-            os.environ[variable] = str(compute.threads or os.cpu_count())
+        self._limit_threads()
         implementation, settings = load_implementation(self.context.spec, Model)
         if self._weights and settings is not None:
             settings = settings.model_copy(update={"weights": self._weights})
