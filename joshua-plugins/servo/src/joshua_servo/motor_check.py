@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from joshua.api.patience import Patience
 from joshua_serial.errors import PortUnusable
 
-from joshua_servo.bus import LONGEST_WAIT_S, ServoBus
+from joshua_servo.bus import ServoBus
 from joshua_servo.bus_tools import FoundMotor
 from joshua_servo.errors import MotorCheckFailed, NoReply
 
@@ -73,7 +73,8 @@ def check_motors(bus: ServoBus, models: Mapping[int, str]) -> list[FoundMotor]:
 
 def _silent(bus: ServoBus, ids: Sequence[int]) -> tuple[int, ...]:
     """Ids that leave their pings unanswered for as long as the patience with them lasts. Raises NoReply."""
-    patience = Patience(bus.patience_s, period_s=len(ids) * max(LONGEST_WAIT_S, bus.reply_margin_s))
+    # A round counts like one request, however many ids it pings: each id was asked once in it.
+    patience = Patience(bus.patience_s)
     silent = tuple(ids)
     while True:
         patience.begin()
