@@ -18,6 +18,10 @@ Action = Callable[[dict[str, Any]], dict[str, Any]]
 _POLL_S = 0.02
 
 
+class ActionEndedError(Exception):
+    """The process of an action has ended without a report, because it was killed or has crashed."""
+
+
 class ActionProcess:
     """A fork of this process, which must have no threads. It waits for a request and carries it out.
 
@@ -57,12 +61,12 @@ class ActionProcess:
             The report of the action, one with ``complete`` false if it failed, or None if it was aborted.
 
         Raises:
-            BrokenPipeError: the process was killed while it waited.
+            ActionEndedError: the process has ended without a report.
         """
-        os.write(self._requests, json.dumps(request).encode() + b"\n")
         deadline_s = time.monotonic() + limit_s
         data = b""
         try:
+            os.write(self._requests, json.dumps(request).encode() + b"\n")
             while True:
                 if select.select([self._reports], [], [], _POLL_S)[0]:
                     part = os.read(self._reports, 65536)
@@ -73,8 +77,8 @@ class ActionProcess:
                     return _failed(f"the safe-stop action did not return within {limit_s:g} s")
                 elif abort():
                     return None
-        except ValueError:
-            return _failed("the safe-stop action ended its process without a report")
+        except (BrokenPipeError, ValueError) as error:
+            raise ActionEndedError("the safe-stop action ended its process without a report") from error
         finally:
             self.close()
 

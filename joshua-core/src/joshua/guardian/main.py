@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from joshua.guardian.action import Action, ActionProcess
+from joshua.guardian.action import Action, ActionEndedError, ActionProcess
 from joshua.guardian.drop_order import DropOrder
 from joshua.guardian.energised import remove_record
 from joshua.guardian.latch import EstopFiles, EstopReport, Latch, LatchFolder, Subject
@@ -149,11 +149,12 @@ class SafetyOrder:
     ) -> dict[str, Any] | None:
         prepared, self._prepared = self._prepared, None
         if prepared is not None:
-            try:
+            with contextlib.suppress(ActionEndedError):  # it was killed while it waited, or as it began
                 return prepared.run(request, limit_s, abort)
-            except BrokenPipeError:  # it was killed
-                prepared.close()
-        return ActionProcess(self._action).run(request, limit_s, abort)
+        try:
+            return ActionProcess(self._action).run(request, limit_s, abort)
+        except ActionEndedError as error:
+            return {"complete": False, "detail": str(error)}
 
     def latch(self) -> Latch | None:
         """The latched e-stop, if any."""
