@@ -370,5 +370,6 @@ def test_nothing_is_imported_before_the_latch_stands_that_the_estop_does_not_nee
         "joshua.ipc.client",
         "joshua.ipc.run_bases",
         "joshua.plan",
+        "joshua.plan.foreign_text",
         "joshua.plan.lazy",
     ]

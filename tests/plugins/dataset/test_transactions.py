@@ -40,9 +40,12 @@ STEPS = [name for name in OPERATIONS if name not in ("convert", "merge")]
 
 
 @pytest.mark.parametrize("name", STEPS)
-def test_a_kill_before_any_file_operation(name: str, tmp_path: Path) -> None:
-    command = [sys.executable, data_operations.__file__, name, str(tmp_path / "place")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=900)
+def test_a_kill_before_any_file_operation(name: str) -> None:
+    # In memory where there is such a folder, because thousands of files are flushed to the disk.
+    memory = "/dev/shm" if Path("/dev/shm").is_dir() else None
+    with tempfile.TemporaryDirectory(dir=memory) as folder:
+        command = [sys.executable, data_operations.__file__, name, str(Path(folder) / "place")]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=900)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found["wrong"] == [], done.stderr

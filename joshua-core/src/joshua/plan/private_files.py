@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 
@@ -21,9 +22,9 @@ def make_private(folder: Path) -> None:
         make_private(folder.parent)
     try:
         folder.mkdir(FOLDER_MODE)
-    except FileExistsError:
+    except FileExistsError as error:
         if not folder.is_dir():
-            raise
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder)) from error
         return  # another process created it meanwhile
     folder.chmod(FOLDER_MODE)  # the umask may have removed bits of the owner
 

@@ -405,8 +405,8 @@ class InferenceNode(NodeBehaviour):
     def _import_libraries(self) -> None:
         """Import what the model needs before the node's threads run.
 
-        The import of a large library keeps every other thread of the process from running for seconds, which is
-        taken for a hang once the node is active.
+        The import of a large library keeps every other thread of the process from running for seconds. Once
+        the node is active, that is taken for a hang.
         """
         self._limit_threads()
         _, settings = load_implementation(self.context.spec, Model)
