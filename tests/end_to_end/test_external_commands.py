@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from eventually import eventually
 from joshua.messages import decode, encode, message_class
 from joshua.messages.make import header, joint_state
 from joshua.plan import QosProfile
@@ -137,9 +138,13 @@ def test_nodes_outside_the_file_drive_a_follower_one_at_a_time(
             f"commands from /moveit have no effect: the e-stop is released, but torque is still off. {remedy}"
         )
         node.wait_for_log(lambda text: text.endswith(said), lambda: node.command(0.4))
-        status = joshua_run("status").stdout
-        assert "commands without effect from /moveit" in status
-        assert remedy in " ".join(status.split())
+
+        def status() -> str:  # each node sends it within a second
+            node.command(0.4)
+            return " ".join(joshua_run("status").stdout.split())
+
+        eventually(lambda: "commands without effect from /moveit" in status(), "the status")
+        assert remedy in status()
         assert joshua_run("resume", "follower").returncode == 0
         node.wait(lambda rad: abs(rad - 0.4) < 1e-3, lambda: node.command(0.4))
     finally:

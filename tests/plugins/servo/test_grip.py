@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import time
 from typing import Any
 
 import numpy as np
 import pytest
+from joshua.devices.errors import DeviceSilent
 from joshua_emulator import EmulatedBus
 from joshua_emulator.feetech.servo import Servo
 from joshua_emulator.joint import Joint
@@ -129,6 +131,12 @@ def test_the_grip_gives_way_before_a_servo_that_ignores_its_limit_trips() -> Non
     assert longest * CYCLE_S < 2.0
 
 
+def read(arm: Any) -> None:
+    """Reads as a node does, which tolerates a moment without a reply."""
+    with contextlib.suppress(DeviceSilent):
+        arm.read()
+
+
 def closing(arm: Any) -> np.ndarray:
     goal = arm.read().position_rad
     goal[5] -= 0.6
@@ -156,7 +164,7 @@ def test_a_driven_gripper_holds_where_one_without_grip_mode_drops_its_object(
         while not arm.relaxed:
             assert time.monotonic() < deadline_s
             arm.write(goal)
-            arm.read()
+            read(arm)
         assert "overloaded" in arm.relaxed["gripper"]
     finally:
         arm.disconnect()
@@ -169,7 +177,7 @@ def test_a_driven_gripper_holds_where_one_without_grip_mode_drops_its_object(
         end_s = time.monotonic() + 4
         while time.monotonic() < end_s:
             arm.write(goal)
-            arm.read()
+            read(arm)
         servo = arm_with_an_object.servo(6)
         assert servo["energised"]
         assert 150 <= abs(servo["present_load"]) <= 200
@@ -182,7 +190,7 @@ def test_a_driven_gripper_holds_where_one_without_grip_mode_drops_its_object(
         while arm_with_an_object.ask("registers", id=6)["registers"]["torque_limit"] != 500:
             assert time.monotonic() < end_s + 60
             arm.write(goal)
-            arm.read()
+            read(arm)
     finally:
         arm.disconnect()
 

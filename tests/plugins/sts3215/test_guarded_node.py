@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 from joshua.devices.actuator_node import ActuatorNode
+from joshua.devices.errors import DeviceSilent
 from joshua.plan import NodeKind, NodeSpec, TopicSpec
 from joshua.testing.recording_context import RecordingContext
 from joshua_emulator import EmulatedBus
@@ -162,7 +163,7 @@ def test_a_mute_servo_among_six_delays_the_hold_of_the_others_by_a_second_at_mos
             context.tick("control")
             time.sleep(0.02)
 
-    with pytest.raises(NoReply, match=r"elbow_flex \(id 3\) no longer answers"):
+    with pytest.raises(DeviceSilent, match=r"elbow_flex \(id 3\) no longer answers"):
         control()
     with pytest.raises(NoReply):  # after the others hold
         node.deactivate()
