@@ -312,8 +312,8 @@ def test_a_checkpoint_without_statistics_runs_only_if_the_file_accepts_it(
     for path in copy.glob("policy_p*_processor.safetensors"):
         save_file({}, path)
     folder = changed(copy, temporal_ensemble_coeff=0.01, n_action_steps=1)
-    lacking = ("observation.state", "observation.images.top", "action")
-    assert "normalises observation.state, observation.images.top, action and has no" in refusal(folder)
+    lacking = ("observation.state", "observation.images.top", "observation.images.wrist", "action")
+    assert f"normalises {', '.join(lacking)} and has no" in refusal(folder)
     model = model_of(LeRobotModel, LeRobotSettings, folder, allow_unnormalized=lacking)
     assert "has no statistics of observation.state, observation.images.top" in caplog.text
     model.close()
