@@ -139,6 +139,17 @@ def test_what_cannot_be_written_is_named_and_nothing_is_written(
     assert path.read_text() == CONFIG.format(wrist=7)
 
 
+def test_without_any_camera_the_remedy_is_to_plug_one_in(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "rig.pbtxt"
+    path.write_text(CONFIG.format(wrist=7))
+    assert write(options(path), [], str(tmp_path)) == 4
+    error = capsys.readouterr().err
+    assert "wrist: the camera" in error
+    assert "is not plugged in. Plug it in, because this machine has no camera\n" in error
+
+
 def test_the_doctor_looks_for_the_cameras_of_a_file(tmp_path: Path, make_host: MakeHost) -> None:
     plug(tmp_path, 0, by_id=BY_ID)
     path = tmp_path / "rig.pbtxt"

@@ -131,10 +131,11 @@ def _names(
         real = os.path.realpath(device)
         camera = next((item for item in cameras if os.path.realpath(item.path) == real), None)
         if camera is None:
-            here = ", ".join(item.path for item in cameras) or "none"
+            here = ", ".join(item.path for item in cameras)
+            remedy = f"Cameras here: {here}. Choose one: --node {node.name} --camera PATH"
             problems.append(
-                f"{node.name}: the camera {device} is not plugged in. Cameras here: {here}. Choose one: "
-                f"--node {node.name} --camera PATH"
+                f"{node.name}: the camera {device} is not plugged in. "
+                f"{remedy if here else 'Plug it in, because this machine has no camera'}"
             )
         elif not camera.source:
             problems.append(f"{node.name}: the system gives {camera.path} no stable name, so keep device_id")
