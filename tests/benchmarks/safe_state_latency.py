@@ -64,6 +64,7 @@ TITLES = {
 }
 
 STRESS_FACTOR = 3.0
+STRESS_LIMIT_S = 900
 STRESS_START_S = 1.0
 BUSY_LOOP = [sys.executable, "-c", "while True: pass"]
 QUIET_RUN_S = 20.0
@@ -128,7 +129,9 @@ def stress(wanted: bool) -> Iterator[str]:
         yield "no load beside it"
         return
     name = shutil.which("stress-ng")
-    words = [name, "--cpu", "4", "--quiet", "--temp-path", tempfile.gettempdir()] if name else BUSY_LOOP
+    # A time limit, because nobody ends the load if this program is killed.
+    limits = ["--timeout", f"{STRESS_LIMIT_S}", "--temp-path", tempfile.gettempdir()]
+    words = [name, "--cpu", "4", "--quiet", *limits] if name else BUSY_LOOP
     loads = [subprocess.Popen(words, start_new_session=True) for _ in range(1 if name else 4)]
     try:
         time.sleep(STRESS_START_S)

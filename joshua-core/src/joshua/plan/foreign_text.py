@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from typing import Any, TextIO
 
@@ -85,23 +85,20 @@ def has_token(text: str) -> bool:
     return bool(_pattern(_USER).search(text) or _pattern(_TOKENS).search(text))
 
 
-class SafeStream:
-    """A standard stream that makes all text printable.
+class _ChangedStream:
+    """A standard stream that changes all text before it writes it.
 
     Args:
-        stream: that it writes to.
-
-    Attributes:
-        raw: the same stream for terminal control sequences; secrets are masked there, too.
+        stream: that it writes to; change: returns what is written in place of a text.
     """
 
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: TextIO, change: Callable[[str], str]) -> None:
         self._stream = stream
-        self.raw = _RawStream(stream)
+        self._change = change
 
     def write(self, text: str) -> int:
         """Write a text. Returns its length."""
-        self._stream.write(printable(text))
+        self._stream.write(self._change(text))
         return len(text)
 
     def writelines(self, lines: Iterable[str]) -> None:
@@ -116,22 +113,19 @@ class SafeStream:
         return iter(self._stream)
 
 
-class _RawStream:
-    """A stream that masks secrets only."""
+class SafeStream(_ChangedStream):
+    """A standard stream that makes all text printable.
+
+    Args:
+        stream: that it writes to.
+
+    Attributes:
+        raw: the same stream for terminal control sequences; secrets are masked there, too.
+    """
 
     def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-
-    def write(self, text: str) -> int:
-        self._stream.write(masked(text))
-        return len(text)
-
-    def writelines(self, lines: Iterable[str]) -> None:
-        for line in lines:
-            self.write(line)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
+        super().__init__(stream, printable)
+        self.raw = _ChangedStream(stream, masked)
 
 
 def raw(stream: TextIO) -> TextIO:
