@@ -73,12 +73,14 @@ def check_motors(bus: ServoBus, models: Mapping[int, str]) -> list[FoundMotor]:
 
 def _silent(bus: ServoBus, ids: Sequence[int]) -> tuple[int, ...]:
     """Ids that leave their pings unanswered for as long as the patience with them lasts. Raises NoReply."""
-    # A round counts like one request, however many ids it pings: each id was asked once in it.
-    patience = Patience(bus.patience_s)
+    # A round takes hardly longer than one request, however many ids it pings: a reply that arrives during the
+    # ping of a later id counts, too, so all ids of a round share one waiting time.
+    patience = Patience(bus.patience_s, period_s=len(ids) * bus.reply_margin_s)
     silent = tuple(ids)
     while True:
         patience.begin()
-        heard = bus.roll_call(silent, bus.wait_s(patience.misses, patience.left_s))
+        round_s = bus.wait_s(patience.misses, patience.left_s)
+        heard = bus.roll_call(silent, max(bus.reply_margin_s, round_s / len(silent)))
         silent = tuple(servo_id for servo_id in silent if servo_id not in heard)
         if not silent:
             return ()
