@@ -94,6 +94,19 @@ def test_files_of_other_machines_are_not_looked_for(tmp_path: Path) -> None:
     assert len(examine(path, text)) == 1
 
 
+def test_missing_weights_are_an_error_without_a_launch(tmp_path: Path) -> None:
+    path = tmp_path / "robot.pbtxt"
+    (found,) = examine(path, EVAL.format(weights="runs/a"), launch=False)
+    assert (found.code, found.severity) == ("weights-not-found", Severity.ERROR)
+    shipped = {"runs/a": tmp_path}
+    assert examine(path, EVAL.format(weights="runs/a"), packaged_weights=shipped.get) == []
+
+
+def test_weights_of_a_method_that_does_not_run_are_not_looked_for(tmp_path: Path) -> None:
+    text = EVAL.format(weights="runs/a").replace("METHOD_EVAL", "METHOD_RL")
+    assert examine(tmp_path / "robot.pbtxt", text) == []
+
+
 @pytest.mark.parametrize("weights", ["lerobot/smolvla_base", "my-name/policy.v2"])
 def test_a_hub_id_is_no_path(weights: str, tmp_path: Path) -> None:
     assert examine(tmp_path / "robot.pbtxt", EVAL.format(weights=weights)) == []
