@@ -106,6 +106,14 @@ def test_a_torn_checkpoint_names_the_one_before_it(tmp_path: Path, content: byte
         read_part(first, "state.json", json.loads, "steps")
 
 
+def test_a_checkpoint_that_was_not_fetched_is_named_with_the_command(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path, "run", {})
+    pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n"
+    checkpoint = folder.save(1, {"policy.safetensors": pointer})
+    with pytest.raises(RunError, match=r"policy.safetensors is a Git LFS pointer.*: Run git lfs install"):
+        read_part(checkpoint, "policy.safetensors", json.loads)
+
+
 def test_one_process_at_a_time_writes_into_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run_folder, "ENDING_S", 0.0)
     first = RunFolder.create(tmp_path, "run", {})

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from joshua.api.files import NO_SPACE, Files, UnsafePathError, inside, safe_name
-from joshua.tools import parse_json
+from joshua.tools import describe_pointer, parse_json
 
 #: Number of checkpoints kept beside the one being written.
 KEPT = 3
@@ -90,8 +90,9 @@ def read_part(checkpoint: Path, name: str, parse: Callable[[bytes], Any], *keys:
     Raises:
         RunError: it is missing, truncated, or from another program; see ``unusable``.
     """
+    path = checkpoint / name
     try:
-        found = parse((checkpoint / name).read_bytes())
+        found = parse(path.read_bytes())
     except FileNotFoundError as error:
         raise unusable(checkpoint, f"{name} is missing") from error
     except MemoryError:  # says nothing of the file
@@ -99,6 +100,8 @@ def read_part(checkpoint: Path, name: str, parse: Callable[[bytes], Any], *keys:
     except OSError as error:
         raise unusable(checkpoint, f"{name} cannot be read: {error.strerror}") from error
     except Exception as error:  # of json and of safetensors, which is imported only where it is needed
+        if (pointer := describe_pointer(path)) is not None:
+            raise RunError(": ".join(pointer)) from error
         raise unusable(checkpoint, f"{name} is truncated or damaged ({error})") from error
     if not isinstance(found, dict) or not found.keys() >= set(keys):
         lacking = next((key for key in keys if not isinstance(found, dict) or key not in found), "fields")

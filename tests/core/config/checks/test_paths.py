@@ -81,6 +81,15 @@ def test_a_file_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert "permissions" in found.remedy
 
 
+def test_a_git_lfs_pointer_is_named_with_the_command_that_fetches_the_file(tmp_path: Path) -> None:
+    (tmp_path / ".git").mkdir()
+    (tmp_path / "wave.csv").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n")
+    (found,) = examine(tmp_path / "robot.pbtxt", MOTION.format(node="", file="wave.csv"))
+    assert (found.code, found.severity) == ("input-file-is-pointer", Severity.ERROR)
+    assert "is a Git LFS pointer" in found.message
+    assert found.remedy == f"Run git -C {tmp_path} lfs pull --include wave.csv."
+
+
 def test_a_name_that_the_system_refuses_does_not_exist(tmp_path: Path) -> None:
     (found,) = examine(tmp_path / "robot.pbtxt", MOTION.format(node="", file="a" * 3000))
     assert found.code == "input-file-missing"

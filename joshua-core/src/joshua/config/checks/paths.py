@@ -13,6 +13,7 @@ from joshua.config.checks.fit import METHOD_BLOCKS
 from joshua.config.input_paths import folder_of
 from joshua.config.loading import LoadedConfig
 from joshua.plan import Diagnostic
+from joshua.plan.lfs import describe_pointer
 from joshua.schema import config_pb2 as pb
 from joshua.schema import options_pb2 as rules
 from joshua.schema import simulation_pb2, transport_pb2
@@ -160,6 +161,9 @@ def _input_file(
         message = f"This user may not read the {label}"
         remedy = f"Change the permissions of {place}"
         yield context.missing("input-file-unreadable", message, path, remedy=remedy)
+    elif (pointer := describe_pointer(place)) is not None:
+        message, remedy = pointer
+        yield context.missing("input-file-is-pointer", message, path, remedy=remedy)
 
 
 def _private_key(context: Context, path: str, place: Path) -> Iterator[Diagnostic]:
