@@ -13,22 +13,13 @@ import pytest
 from joshua.messages import encode, make
 from joshua.testing.domain import reserved_domain
 from joshua.testing.program import JoshuaProgram
+from leader_and_copy import LEADER_AND_COPY
 
 STRANGER = 61234
 ATTACK = Path(__file__).parents[1] / "core/transport/programs/other_user.py"
-ROBOT = """
-general { mode: MODE_TELEOPERATE name: "bench" id: "bench-001" }
+#: An arm beside those two, which every node of this user may command.
+FREE = """
 robot {
-  actions {
-    node { node_name: "arm" node_id: 1
-      publishers { data_type: JOINT_STATE topic_name: "/arm/joint_states" publish_rate_hz: 20 } }
-    action_type: ACTION_LEADER mock_motor_config { num_motors: 2 position_max: 4095 }
-  }
-  actions {
-    node { node_name: "copy" node_id: 2
-      subscriptions { data_type: JOINT_STATE topic_name: "/arm/joint_states" } }
-    action_type: ACTION_FOLLOWER mock_motor_config { num_motors: 2 position_max: 4095 }
-  }
   actions {
     node { node_name: "free" node_id: 3
       subscriptions { data_type: JOINT_STATE topic_name: "/free/joint_commands" external: true }
@@ -46,7 +37,9 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture
 def joshua(tmp_path: Path) -> Iterator[JoshuaProgram]:
-    (tmp_path / "robot.pbtxt").write_text(ROBOT, encoding="utf-8")
+    robot = f'include: "free.pbtxt"\n{LEADER_AND_COPY}'
+    (tmp_path / "robot.pbtxt").write_text(robot, encoding="utf-8")
+    (tmp_path / "free.pbtxt").write_text(FREE, encoding="utf-8")
     with reserved_domain() as domain_id:
         program = JoshuaProgram(tmp_path, domain_id, {"RMW_IMPLEMENTATION": "rmw_zenoh_cpp"})
         yield program
