@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,8 +13,8 @@ from joshua.messages import encode, make
 from joshua.testing.domain import reserved_domain
 from joshua.testing.program import JoshuaProgram
 from leader_and_copy import LEADER_AND_COPY
+from second_user import SecondUser, needs_second_user
 
-STRANGER = 61234
 ATTACK = Path(__file__).parents[1] / "core/transport/programs/other_user.py"
 #: An arm beside those two, which every node of this user may command.
 FREE = """
@@ -29,10 +28,7 @@ robot {
 }
 """
 
-pytestmark = pytest.mark.skipif(
-    os.geteuid() != 0 or not sys.platform.startswith("linux"),
-    reason="only root can start a program of another user, and only Linux tells whose a connection is",
-)
+pytestmark = needs_second_user
 
 
 @pytest.fixture
@@ -57,7 +53,9 @@ def attack(joshua: JoshuaProgram, user: int) -> dict[str, int]:
     return found
 
 
-def test_another_user_commands_nothing_and_calls_no_service(joshua: JoshuaProgram) -> None:
+def test_another_user_commands_nothing_and_calls_no_service(
+    joshua: JoshuaProgram, second_user: SecondUser
+) -> None:
     run = joshua.start("--config", "robot.pbtxt")
     assert run.stdout is not None
     table = []
@@ -68,7 +66,7 @@ def test_another_user_commands_nothing_and_calls_no_service(joshua: JoshuaProgra
     text = "".join(table)
     assert "commands: from this user and root; other users of this machine can only watch" in text
 
-    stranger = attack(joshua, STRANGER)
+    stranger = attack(joshua, second_user.uid)
     assert stranger["topics"] > 4
     assert stranger["calls"] > 20, "parameters, lifecycle states and verbs of three arms"
     assert stranger["answers"] == 0
