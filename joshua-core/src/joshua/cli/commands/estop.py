@@ -77,14 +77,12 @@ def run(args: argparse.Namespace) -> int:
 
 def stop(latches: Latches, args: argparse.Namespace) -> int:
     """Latch the e-stop of all chosen systems first, then wait for each device."""
-    from joshua.cli.lost_guardians import lost_guardians
-
     word = args.config or ""
     systems = _systems(latches, word)
     if not systems and Path(word).is_file():
         return stop_file(latches, args)
     left = [] if systems else reach_left(latches, word)
-    lost = [] if word or systems else lost_guardians(latches)
+    lost = [] if word or systems else _lost(latches)
     if lost:
         return _show(left + stop_lost(latches, lost, args.timeout))
     if not systems and not (word and left):
@@ -296,6 +294,13 @@ def _systems(latches: Latches, word: str) -> list[EstopTarget]:
         for folder, info in found
         if not word or word in (info.source, str(info.process_id)) or path == info.source
     ]
+
+
+def _lost(latches: Latches) -> list[ProcessMark]:
+    """Guardians of runs whose folder has vanished."""
+    from joshua.cli.lost_guardians import lost_guardians  # only here: a latch waits for no other import
+
+    return lost_guardians(latches)
 
 
 def _starting(latches: Latches, word: str) -> list[EstopTarget]:
