@@ -305,6 +305,14 @@ def own_files(folder: Path) -> list[Path]:
     return sorted(found)
 
 
+def files_of(folder: Path) -> list[Path]:
+    """Return the files of a data set, by name; folders of episodes are taken apart."""
+    found: list[Path] = []
+    for path in own_files(folder):
+        found += [path] if path.is_file() else sorted(inner for inner in path.rglob("*") if inner.is_file())
+    return found
+
+
 def recover(folder: Path, files: Files | None = None) -> bool:
     """Complete a decided change that was interrupted; return whether there was one.
 

@@ -11,6 +11,7 @@ from typing import Any
 import av
 import numpy as np
 import numpy.typing as npt
+from joshua.tools import describe_pointer
 
 #: Largest picture that is decoded, pixels.
 LARGEST_PICTURE = 8192 * 8192
@@ -18,6 +19,14 @@ LARGEST_PICTURE = 8192 * 8192
 
 class DatasetError(Exception):
     """A data set cannot be read; the message says where, what was found and what to do."""
+
+
+def unreadable(path: Path, error: Exception) -> DatasetError:
+    """Return the error of a file that cannot be read; a Git LFS pointer is named as one."""
+    pointer = describe_pointer(path)
+    if pointer is not None:
+        return DatasetError(". ".join(pointer))
+    return DatasetError(f"{path} cannot be read: {error}")
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ Data sets are not trusted: paths stay inside its folder, sizes are checked befor
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,10 +18,11 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 from joshua.api.files import UnsafePathError, file_inside, filled, inside
 from joshua.features import FeatureSet
+from joshua.tools import parse_json
 
 from joshua_dataset import statistics
 from joshua_dataset.decoding import DatasetError as DatasetError
-from joshua_dataset.decoding import Pictures, pictures_of_video
+from joshua_dataset.decoding import Pictures, pictures_of_video, unreadable
 from joshua_dataset.decoding import picture_of as picture_of
 from joshua_dataset.lock import PRIVATE
 from joshua_dataset.metadata import INDEX_COLUMNS, INFO, MESSAGES, OURS, STATS, TASKS, array_of, is_list
@@ -239,7 +239,7 @@ class Dataset:
                     path = file_inside(self.folder, where.path / f"frame-{number:06d}{suffix}", "the picture")
                     yield picture_of(path.read_bytes(), path, height, width)
         except (OSError, av.FFmpegError, TypeError, KeyError, ValueError) as error:
-            raise DatasetError(f"{where.path}: {error}") from error
+            raise unreadable(where.path, error) from error
 
     def _kind(self, key: str) -> str:
         """Return how the pictures of a feature are stored; LeRobot decides this for each camera."""
@@ -255,7 +255,7 @@ class Dataset:
                 table = pa_csv.read_csv(path)
             elif path.suffix == ".jsonl":
                 with path.open(encoding="utf-8") as file:
-                    table = pa.Table.from_pylist([json.loads(line) for line in file])
+                    table = pa.Table.from_pylist([parse_json(line) for line in file])
             else:
                 rows = pq.read_metadata(path).num_rows
                 if rows > MOST_ROWS:
@@ -265,7 +265,7 @@ class Dataset:
                 raise DatasetError(f"{path} lacks the column episode_index")
             return table
         except (OSError, ValueError, TypeError, pa.ArrowException) as error:
-            raise DatasetError(f"{path} cannot be read: {error}") from error
+            raise unreadable(path, error) from error
 
     def _gathered(self, columns: Mapping[str, Any]) -> dict[str, Any]:
         """Gather the columns of a CSV table, each vector in one column."""
@@ -286,14 +286,14 @@ class Dataset:
                 for path in sorted(inside(self.folder, chunk).glob("file-*.parquet"))
             ]
         except OSError as error:
-            raise DatasetError(f"{folder} cannot be read: {error}") from error
+            raise unreadable(folder, error) from error
         for path in paths:
             try:
                 with pq.ParquetFile(path) as file:
                     for batch in file.iter_batches(batch_size=64):
                         yield from batch.to_pylist()
             except (OSError, pa.ArrowException) as error:
-                raise DatasetError(f"{path} cannot be read: {error}") from error
+                raise unreadable(path, error) from error
 
     def _rows_v2(self) -> Iterator[dict[str, Any]]:
         meta = self.folder / "meta"
@@ -349,7 +349,7 @@ def _tasks(folder: Path, version: str) -> tuple[str, ...]:
         except FileNotFoundError:
             return ()
         except (OSError, pa.ArrowException) as error:
-            raise DatasetError(f"{path} cannot be read: {error}") from error
+            raise unreadable(path, error) from error
         names: list[Any] = next((values for name, values in columns.items() if name != "task_index"), [])
         pairs = zip(columns["task_index"], names, strict=True)
     else:
@@ -362,7 +362,7 @@ def _json(path: Path, folder: Path) -> Any:
     try:
         if file_inside(folder, path).stat().st_size > LARGEST_JSON:
             raise DatasetError(f"{path} is larger than {LARGEST_JSON >> 20} MB")
-        return json.loads(path.read_text(encoding="utf-8"))
+        return parse_json(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         if (folder / PRIVATE / "change").exists():
             raise DatasetError(
@@ -370,8 +370,8 @@ def _json(path: Path, folder: Path) -> Any:
                 f"Run `joshua dataset repair {folder}` to complete it"
             ) from error
         raise DatasetError(f"{folder} is not a data set: it has no {path.relative_to(folder)}") from error
-    except (OSError, ValueError, RecursionError) as error:
-        raise DatasetError(f"{path} cannot be read: {error}") from error
+    except (OSError, ValueError) as error:
+        raise unreadable(path, error) from error
 
 
 def _lines(folder: Path, path: Path, needed: bool) -> Iterator[dict[str, Any]]:
@@ -382,9 +382,9 @@ def _lines(folder: Path, path: Path, needed: bool) -> Iterator[dict[str, Any]]:
                 if len(line) >= LARGEST_LINE:
                     raise DatasetError(f"{path} has a line above {LARGEST_LINE >> 20} MB")
                 if line.strip():
-                    yield dict(json.loads(line))
+                    yield dict(parse_json(line))
     except FileNotFoundError as error:
         if needed:
             raise DatasetError(f"{path} is missing") from error
-    except (OSError, ValueError, TypeError, RecursionError) as error:
-        raise DatasetError(f"{path} cannot be read: {error}") from error
+    except (OSError, ValueError, TypeError) as error:
+        raise unreadable(path, error) from error

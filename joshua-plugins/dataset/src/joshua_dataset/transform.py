@@ -14,6 +14,7 @@ from uuid import uuid4
 from joshua.api.files import file_inside, inside, safe_name, tree_inside
 from joshua.features import DatasetLayout, EpisodeError, FeatureError, FeatureSet, checked
 from joshua.messages import decode
+from joshua.tools import describe_pointer
 from joshua_jobs.executor import Executor
 from joshua_jobs.processes import in_order
 
@@ -312,6 +313,9 @@ def _pictures(job: _Job, dataset: Dataset, key: str) -> Statistics:
     layout, episode = job.layout, job.episode
     path = job.scratch / f"{safe_name(key, 'the feature')}{SUFFIXES[layout.pictures]}"
     where = episode.pictures[key]
+    pointer = describe_pointer(where.path)
+    if pointer is not None:
+        raise EpisodeError(f"episode {episode.index} of {job.folder}: {'. '.join(pointer)}")
     known = {name: values for name, values in episode.statistics.get(key, {}).items() if values is not None}
     own_file = dataset.format != "lerobot" or "joshua" in dataset.info
     if own_file and layout.pictures == dataset.pictures and layout.codec == dataset.codec and known:

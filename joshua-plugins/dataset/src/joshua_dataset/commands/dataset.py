@@ -304,6 +304,9 @@ def numbers(text: str) -> tuple[int, ...]:
 
 def description(folder: Path) -> str:
     """Describe a data set as text. Raises DatasetError."""
+    from joshua.tools import describe_pointers
+
+    from joshua_dataset.changes import files_of
     from joshua_dataset.reader import Dataset
 
     found = Dataset.read(folder)
@@ -327,4 +330,7 @@ def description(folder: Path) -> str:
     if any(lost.values()):
         counts = ", ".join(f"{count} {name}" for name, count in lost.items())
         lines.append(f"  frames that lacked a value: {counts}")
+    pointers = describe_pointers(folder, files_of(folder))
+    if pointers is not None:
+        lines.append(". ".join(pointers))
     return "\n".join(lines)
