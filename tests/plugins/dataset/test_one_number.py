@@ -92,8 +92,8 @@ def require_episodes(folder: Path, *lengths: int, lists: bool = False) -> None:
             expected = [np.array(values(number)[key]).tolist() for number in range(episode.length)]
             assert columns[key].tolist() == expected
     warning = (
-        "warning: features of one number are stored as lists of length 1, which LeRobot does not load: "
-        f"`joshua dataset convert {folder} TARGET` writes numbers"
+        "warning: features of one number are stored as lists of length 1, which LeRobot does not load. "
+        f"Run `joshua dataset convert {folder} TARGET`"
     )
     assert [str(problem) for problem in check(folder, workers=1)] == [warning] * lists
     stored = there.statistics()
@@ -176,10 +176,7 @@ def test_the_command_warns_of_lists_and_its_remedy_works(tmp_path: Path) -> None
     joshua = [sys.executable, "-m", "joshua", "dataset"]
     found = subprocess.run([*joshua, "check", str(folder)], capture_output=True, text=True, timeout=120)
     assert found.returncode == 0, found.stderr
-    assert (
-        f"which LeRobot does not load: `joshua dataset convert {folder} TARGET` writes numbers"
-        in found.stdout
-    )
+    assert f"which LeRobot does not load. Run `joshua dataset convert {folder} TARGET`" in found.stdout
     done = subprocess.run(
         [*joshua, "convert", str(folder), str(target)], capture_output=True, text=True, timeout=120
     )

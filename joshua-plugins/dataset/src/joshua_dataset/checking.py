@@ -14,6 +14,7 @@ from joshua_jobs.executor import Executor
 from joshua_jobs.processes import in_order
 
 from joshua_dataset.as_messages import units_of
+from joshua_dataset.checks.problem import Kind, Problem, computing, converting
 from joshua_dataset.from_messages import problems
 from joshua_dataset.metadata import ACQUISITION, MESSAGES, STAMP
 from joshua_dataset.reader import Dataset, DatasetError, Episode
@@ -38,24 +39,6 @@ LIMITS = {"lerobot": 105.0}
 
 #: A joint whose action moves by more than this, and its state by less than a tenth of that, does not follow.
 LEAST_MOTION = {"rad": 0.1, "deg": 6.0, "lerobot": 6.0}
-
-
-@dataclass(frozen=True)
-class Problem:
-    """One problem of a data set.
-
-    Attributes:
-        episode: its index, -1 for the data set as a whole; text: what was found, and where.
-        serious: training or replaying would fail or learn something wrong.
-    """
-
-    episode: int
-    text: str
-    serious: bool = True
-
-    def __str__(self) -> str:
-        where = f"episode {self.episode}: " if self.episode >= 0 else ""
-        return f"{'error' if self.serious else 'warning'}: {where}{self.text}"
 
 
 @dataclass(frozen=True)
@@ -104,11 +87,11 @@ def check(folder: Path, *, pictures: bool = True, workers: Executor | int | None
         for key, part in parts.items():
             ends[key] = ends[key].joined(part) if key in ends else part
     if episodes != dataset.episodes:
-        yield Problem(
-            -1, f"meta/info.json counts {dataset.episodes} episodes, and meta/episodes has {episodes}"
-        )
+        text = f"meta/info.json counts {dataset.episodes} episodes, and meta/episodes has {episodes}"
+        yield Problem(Kind.EPISODES_LOST, text)
     if frames != dataset.frames:
-        yield Problem(-1, f"meta/info.json counts {dataset.frames} frames, and the episodes have {frames}")
+        text = f"meta/info.json counts {dataset.frames} frames, and the episodes have {frames}"
+        yield Problem(Kind.INFO_TOTALS, text)
     if dataset.pictures != MESSAGES:
         yield from _lists(dataset)
         yield from _statistics(dataset, ends)
@@ -123,10 +106,10 @@ def _lists(dataset: Dataset) -> Iterator[Problem]:
         return  # its episode has reported that its table cannot be read
     if has_lists:
         yield Problem(
-            -1,
-            "features of one number are stored as lists of length 1, which LeRobot does not load: "
-            f"`joshua dataset convert {dataset.folder} TARGET` writes numbers",
+            Kind.LISTS_OF_ONE,
+            "features of one number are stored as lists of length 1, which LeRobot does not load",
             serious=False,
+            remedy=converting(dataset.folder),
         )
 
 
@@ -134,12 +117,14 @@ def _statistics(dataset: Dataset, ends: Mapping[str, Extent]) -> Iterator[Proble
     try:
         there = dataset.statistics()
     except DatasetError as error:
-        yield Problem(-1, str(error))
+        yield Problem(Kind.STATISTICS_TORN, str(error))
         return
     for key, extent in ends.items():
         known = there.get(key)
         if known is None:
-            yield Problem(-1, f"meta/stats.json lacks {key}")
+            yield Problem(
+                Kind.STATISTICS_MISSING, f"meta/stats.json lacks {key}", remedy=computing(dataset.folder)
+            )
             continue
         near = {"min": 1e-4, "max": 1e-4, "mean": PICTURE_MEAN}
         expected_by_name = {"min": extent.low, "max": extent.high, "mean": extent.total / extent.count}
@@ -154,11 +139,11 @@ def _statistics(dataset: Dataset, ends: Mapping[str, Extent]) -> Iterator[Proble
             found = found.ravel() if extent.low is None else found
             if found.shape != expected.shape or not np.allclose(found, expected, rtol=1e-3, atol=near[name]):
                 yield Problem(
-                    -1,
+                    Kind.STATISTICS_CONTRADICT,
                     f"the {name} of {key} in meta/stats.json is {_short(found)}, "
-                    f"and the data have {_short(expected)}. "
-                    f"Run `joshua dataset stats --write {dataset.folder}`",
+                    f"and the data have {_short(expected)}",
                     serious=extent.low is not None,
+                    remedy=computing(dataset.folder),
                 )
 
 
@@ -168,12 +153,19 @@ def _of_episode(
     folder, episode, pictures = item
     dataset = Dataset.read(folder)
     if dataset.pictures == MESSAGES:
-        return episode.length, [Problem(episode.index, *found) for found in problems(dataset, episode)], {}
+        of_messages = [
+            Problem(Kind.MESSAGES_TORN, text, episode.index, serious)
+            for text, serious in problems(dataset, episode)
+        ]
+        return episode.length, of_messages, {}
     try:
         columns = dataset.columns(episode)
     except DatasetError as error:
-        return episode.length, [Problem(episode.index, str(error))], {}
-    found = [Problem(episode.index, text, serious) for text, serious in _numbers(dataset, episode, columns)]
+        return episode.length, [Problem(Kind.ROWS_TORN, str(error), episode.index)], {}
+    found = [
+        Problem(kind, words, episode.index, is_serious)
+        for kind, words, is_serious in _numbers(dataset, episode, columns)
+    ]
     extents = {
         feature.key: Extent.of(columns[feature.key])
         for feature in dataset.features.numbers
@@ -182,7 +174,9 @@ def _of_episode(
     for feature in dataset.features.pictures if pictures else ():
         seen = _Seen()
         texts = _pictures(dataset, episode, feature.key, seen)
-        found += [Problem(episode.index, f"{feature.key}: {text}", serious) for text, serious in texts]
+        found += [
+            Problem(kind, f"{feature.key}: {text}", episode.index, serious) for kind, text, serious in texts
+        ]
         if seen.count:
             extents[feature.key] = Extent(None, None, seen.total / 255, seen.count)
     return episode.length, found, extents
@@ -197,50 +191,66 @@ class _Seen:
 
 def _numbers(
     dataset: Dataset, episode: Episode, columns: Mapping[str, npt.NDArray[Any]]
-) -> Iterator[tuple[str, bool]]:
+) -> Iterator[tuple[Kind, str, bool]]:
     length = len(columns["frame_index"]) if "frame_index" in columns else 0
     if length != episode.length:
-        yield f"{episode.table.name} has {length} frames, and {episode.length} are described", True
+        yield (
+            Kind.EPISODE_LENGTH,
+            f"{episode.table.name} has {length} frames, and {episode.length} are described",
+            True,
+        )
         return
     if not length:
-        yield "it has no frame", True
+        yield Kind.EPISODE_LENGTH, "it has no frame", True
         return
     if not np.array_equal(columns["frame_index"], np.arange(length)):
-        yield "frame_index does not count from 0 without gaps", True
+        yield Kind.FRAME_INDEX, "frame_index does not count from 0 without gaps", True
     expected_s = np.arange(length) / dataset.fps
     worst_s = float(np.abs(columns["timestamp"] - expected_s).max())
     if worst_s > 1e-3 + 1e-6 * length:
-        yield f"timestamp is up to {worst_s:.3f} s away from frame_index / fps", True
+        yield Kind.TIMESTAMP, f"timestamp is up to {worst_s:.3f} s away from frame_index / fps", True
     if STAMP in columns:
         steps_s = np.diff(columns[STAMP]) / 1e9
         if np.any(steps_s <= 0):
-            yield f"{STAMP} does not increase", True
+            yield Kind.STAMPS, f"{STAMP} does not increase", True
         gaps = int(np.sum(steps_s > 1.5 / dataset.fps))
         if gaps:
-            yield f"{gaps} gaps in the recording, the longest {steps_s.max():.2f} s", False
+            yield (
+                Kind.RECORDING_GAP,
+                f"{gaps} gaps in the recording, the longest {steps_s.max():.2f} s",
+                False,
+            )
     for feature in dataset.features.numbers:
         values = columns[feature.key].reshape(length, -1)
         if not np.isfinite(values).all():
-            yield f"{feature.key} has values that are not finite", True
+            yield Kind.ROWS_NOT_FINITE, f"{feature.key} has values that are not finite", True
         elif feature.unit in LARGEST_STEP:
             yield from _joints(dataset, feature, values)
     yield from _followed(dataset, columns)
     yield from _repeated(dataset, columns)
 
 
-def _joints(dataset: Dataset, feature: Feature, values: npt.NDArray[Any]) -> Iterator[tuple[str, bool]]:
+def _joints(dataset: Dataset, feature: Feature, values: npt.NDArray[Any]) -> Iterator[tuple[Kind, str, bool]]:
     names = feature.names or tuple(map(str, range(values.shape[1])))
     if len(values) > 1:
         steps = np.abs(np.diff(values, axis=0)).max(axis=0)
         limit = LARGEST_STEP[feature.unit] * max(1.0, 30 / dataset.fps)
         for name, step in zip(names, steps, strict=True):
             if step > limit:
-                yield f"{feature.key}: {name} jumps by {step:.2f} {feature.unit} between two frames", False
+                yield (
+                    Kind.JUMP,
+                    f"{feature.key}: {name} jumps by {step:.2f} {feature.unit} between two frames",
+                    False,
+                )
     if feature.unit in LIMITS:
         beyond = np.abs(values).max(axis=0)
         for name, value in zip(names, beyond, strict=True):
             if value > LIMITS[feature.unit]:
-                yield f"{feature.key}: {name} reaches {value:.0f}, outside its calibrated range", False
+                yield (
+                    Kind.OUT_OF_RANGE,
+                    f"{feature.key}: {name} reaches {value:.0f}, outside its calibrated range",
+                    False,
+                )
     units = units_of(dataset.identity, feature.key)
     if feature.unit not in LIMITS and units is not None and len(units.joints) == values.shape[1]:
         in_rad = np.radians(values) if feature.unit == "deg" else values
@@ -249,6 +259,7 @@ def _joints(dataset: Dataset, feature: Feature, values: npt.NDArray[Any]) -> Ite
             low, high = float(in_rad[:, number].min()), float(in_rad[:, number].max())
             if low < joint.min_rad - margin or high > joint.max_rad + margin:
                 yield (
+                    Kind.OUT_OF_RANGE,
                     (
                         f"{feature.key}: {joint.name} moves from {low:.2f} to {high:.2f} rad, outside its "
                         f"calibrated range of {joint.min_rad:.2f} to {joint.max_rad:.2f}"
@@ -257,7 +268,7 @@ def _joints(dataset: Dataset, feature: Feature, values: npt.NDArray[Any]) -> Ite
                 )
 
 
-def _followed(dataset: Dataset, columns: Mapping[str, npt.NDArray[Any]]) -> Iterator[tuple[str, bool]]:
+def _followed(dataset: Dataset, columns: Mapping[str, npt.NDArray[Any]]) -> Iterator[tuple[Kind, str, bool]]:
     for key in (key for key in dataset.features if key == ACTION or key.startswith(f"{ACTION}.")):
         state = key.replace(ACTION, STATE, 1)
         action = dataset.features[key]
@@ -269,10 +280,14 @@ def _followed(dataset: Dataset, columns: Mapping[str, npt.NDArray[Any]]) -> Iter
         commanded, moved = (np.ptp(columns[name], axis=0) for name in (key, state))
         for name, one, two in zip(action.names, commanded, moved, strict=True):
             if one > LEAST_MOTION[action.unit] and two < 0.1 * one:
-                yield f"{key}: {name} moves by {one:.2f} {action.unit}, but {state} by {two:.2f}", True
+                yield (
+                    Kind.NOT_FOLLOWED,
+                    f"{key}: {name} moves by {one:.2f} {action.unit}, but {state} by {two:.2f}",
+                    True,
+                )
 
 
-def _repeated(dataset: Dataset, columns: Mapping[str, npt.NDArray[Any]]) -> Iterator[tuple[str, bool]]:
+def _repeated(dataset: Dataset, columns: Mapping[str, npt.NDArray[Any]]) -> Iterator[tuple[Kind, str, bool]]:
     """Find pictures that occur in two frames, because their camera is slower than the frame rate."""
     for number, key in enumerate(dataset.features[ACQUISITION].names if ACQUISITION in columns else ()):
         if key in dataset.features and dataset.features[key].is_picture:
@@ -280,12 +295,12 @@ def _repeated(dataset: Dataset, columns: Mapping[str, npt.NDArray[Any]]) -> Iter
             yield from _repetitions(key, int(np.sum(steps == 0)), len(steps) + 1)
 
 
-def _repetitions(what: str, count: int, frames: int) -> Iterator[tuple[str, bool]]:
+def _repetitions(what: str, count: int, frames: int) -> Iterator[tuple[Kind, str, bool]]:
     if count > LARGEST_REPEATED * frames:
-        yield f"{what}: {count} of {frames} pictures repeat the previous one", False
+        yield Kind.REPEATED, f"{what}: {count} of {frames} pictures repeat the previous one", False
 
 
-def _pictures(dataset: Dataset, episode: Episode, key: str, seen: _Seen) -> Iterator[tuple[str, bool]]:
+def _pictures(dataset: Dataset, episode: Episode, key: str, seen: _Seen) -> Iterator[tuple[Kind, str, bool]]:
     count = run = longest = began = at = repeated = 0
     before: Any = None
     whole: Any = None
@@ -303,17 +318,18 @@ def _pictures(dataset: Dataset, episode: Episode, key: str, seen: _Seen) -> Iter
             count += 1
             seen.count = count
     except DatasetError as error:
-        yield f"picture {count} cannot be decoded: {error}", True
+        yield Kind.VIDEO_TORN, f"picture {count} cannot be decoded: {error}", True
         return
     if count != episode.length:
-        yield f"{count} pictures, and {episode.length} are described", True
+        yield Kind.VIDEO_SHORT, f"{count} pictures, and {episode.length} are described", True
     if longest / dataset.fps >= FROZEN_S and longest + 1 < max(count, 2):
-        yield f"frozen for {longest / dataset.fps:.1f} s from {at / dataset.fps:.1f} s on", False
+        yield Kind.FROZEN, f"frozen for {longest / dataset.fps:.1f} s from {at / dataset.fps:.1f} s on", False
     elif count > 1 and longest + 1 == count and count / dataset.fps >= FROZEN_S:
-        yield "every picture is the same", False
+        yield Kind.FROZEN, "every picture is the same", False
     elif ACQUISITION not in dataset.features:  # which shows it exactly
         yield from (
-            (text.partition(": ")[2], serious) for text, serious in _repetitions(key, repeated, count)
+            (kind, text.partition(": ")[2], serious)
+            for kind, text, serious in _repetitions(key, repeated, count)
         )
 
 
