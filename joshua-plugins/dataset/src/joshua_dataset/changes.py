@@ -14,14 +14,12 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.csv as pa_csv
-import pyarrow.parquet as pq
 from joshua.api.files import file_inside, free_name, inside, name_inside, tree_inside
 from joshua.features import EpisodeError
 from joshua.tools import parse_json
@@ -30,6 +28,7 @@ from joshua_dataset.files import Files, aside_folder, cause, remedy_first
 from joshua_dataset.lock import PRIVATE, WriterLock
 from joshua_dataset.metadata import INFO, is_own
 from joshua_dataset.open_episode import open_folder
+from joshua_dataset.output import write_json, write_lines, write_table
 
 JOURNAL = "journal.json"
 
@@ -99,15 +98,11 @@ class Change:
         Raises:
             OSError, pyarrow.ArrowException: writing fails.
         """
-        fresh = self._fresh(path)
-        if path.suffix == ".csv":
-            pa_csv.write_csv(table, fresh)
-        elif path.suffix == ".jsonl":
-            with fresh.open("w", encoding="utf-8") as file:
-                for batch in table.to_batches(max_chunksize=1000):
-                    file.writelines(json.dumps(row) + "\n" for row in batch.to_pylist())
-        else:
-            pq.write_table(table, fresh, compression="snappy")
+        write_table(self._fresh(path), table)
+
+    def lines(self, path: Path, records: Iterable[Mapping[str, Any]]) -> None:
+        """Write a line of JSON for each record. Raises OSError; ValueError for a number that JSON has not."""
+        write_lines(self._fresh(path), records)
 
     def json(self, path: Path, value: Any, *, last: bool = False) -> None:
         """Write a value as JSON.
@@ -116,9 +111,9 @@ class Change:
             last: the file is moved into place when all others are there.
 
         Raises:
-            OSError: writing fails.
+            OSError: writing fails. ValueError: JSON has no such number.
         """
-        self._fresh(path, last=last).write_text(json.dumps(value, indent=4) + "\n", encoding="utf-8")
+        write_json(self._fresh(path, last=last), value)
 
     def put(self, source: Path, path: Path, *, last: bool = False) -> None:
         """Move a complete file or folder of the private folder into place; an older one is replaced."""
@@ -133,11 +128,20 @@ class Change:
         """Folder in which a whole data set can be made, for ``put_made``."""
         return self.place / "made"
 
-    def put_made(self) -> None:
-        """Move the data set in ``made`` into place."""
+    def put_made(self, *, without: Collection[str] = ()) -> None:
+        """Move the data set in ``made`` into place.
+
+        Args:
+            without: files that are in place already, by their path in the data set.
+        """
         for path in own_files(self.made):
             name = path.relative_to(self.made)
-            self.put(path, self._folder / name, last=name == INFO)
+            if name.as_posix() not in without:
+                self.put(path, self._folder / name, last=name == INFO)
+
+    def clear_made(self) -> None:
+        """Remove the data set in ``made``, which is not put into place."""
+        shutil.rmtree(self.made)
 
     def retire_all(self) -> None:
         """Remove the data set, and no file of others in its folder, before files are put into place."""
@@ -154,6 +158,15 @@ class Change:
         if os.path.lexists(name_inside(self._folder, path)):
             target = free_name(aside_folder(self._folder), f"uncounted-{len(self._moves)}-{path.name}")
             self._moves.append((_Kind.CLEAR, path, target))
+
+    def replace_aside(self, path: Path, place: Path) -> None:
+        """Move a file or folder of the data set to where nothing is removed, before files are put into place.
+
+        Args:
+            place: folder in that of what was moved aside, in which it keeps its path.
+        """
+        source = name_inside(self._folder, path)
+        self._moves.append((_Kind.CLEAR, source, place / source.relative_to(self._folder)))
 
     def drop(self, path: Path) -> None:
         """Remove a folder of the private folder after files of it were put into place."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +20,7 @@ from joshua_jobs.processes import in_order
 from joshua_dataset import statistics
 from joshua_dataset.bag import messages
 from joshua_dataset.changes import Watch, changing, is_interrupted
-from joshua_dataset.files import reason, remove_empty_folders
+from joshua_dataset.files import linked, reason, remove_empty_folders
 from joshua_dataset.formats import writer_of
 from joshua_dataset.from_messages import MessageFrames, message_file
 from joshua_dataset.lock import PRIVATE
@@ -188,7 +187,7 @@ def delete(folder: Path, episodes: Sequence[int], *, workers: Executor | int | N
         _check(folder, there, episodes)
         kept = tuple(number for number in range(there.episodes) if number not in set(episodes))
         if there.pictures == MESSAGES:
-            count = _copied_messages(there, kept, change.made)
+            count = copied_messages(there, kept, change.made)
         else:
             layout = _layout([there], change.made, there.format, "", "")
             source = Source(folder, kept)
@@ -208,7 +207,7 @@ def delete(folder: Path, episodes: Sequence[int], *, workers: Executor | int | N
     return count
 
 
-def _copied_messages(dataset: Dataset, kept: Sequence[int], target: Path) -> int:
+def copied_messages(dataset: Dataset, kept: Sequence[int], target: Path) -> int:
     """Write some episodes of messages into a new data set as they are; return their number."""
     features = [replace(item, topic=dataset.topics.get(item.key, "")) for item in dataset.features.values()]
     layout = replace(_layout([dataset], target, "mcap", "", ""), features=FeatureSet(features))
@@ -319,7 +318,7 @@ def _pictures(job: _Job, dataset: Dataset, key: str) -> Statistics:
     known = {name: values for name, values in episode.statistics.get(key, {}).items() if values is not None}
     own_file = dataset.format != "lerobot" or "joshua" in dataset.info
     if own_file and layout.pictures == dataset.pictures and layout.codec == dataset.codec and known:
-        copy = _linked if job.is_linked else shutil.copyfile
+        copy = linked if job.is_linked else shutil.copyfile
         if where.path.is_dir():
             tree_inside(job.folder, where.path, "the pictures")
             shutil.copytree(where.path, path, copy_function=copy)
@@ -354,11 +353,3 @@ def _pictures(job: _Job, dataset: Dataset, key: str) -> Statistics:
             f"and {episode.length} are described"
         )
     return found
-
-
-def _linked(source: str | Path, target: str | Path) -> None:
-    """Give a file a second name, or copy it where the disk has no links."""
-    try:
-        os.link(source, target)
-    except OSError:
-        shutil.copyfile(source, target)

@@ -37,8 +37,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     stats = one(actions, "stats", "compute the statistics from the data")
     stats.add_argument("--write", action="store_true", help="replace meta/stats.json")
     workers(stats)
-    repair = one(actions, "repair", "complete or discard an episode that a kill left unfinished")
-    repair.add_argument("--cut", action="store_true", help="discard it instead of completing it")
+    repair = one(actions, "repair", "mend what `check` finds, and complete what a kill left unfinished")
+    repair.add_argument(
+        "--cut", action="store_true", help="discard an unfinished episode instead of completing it"
+    )
+    repair.add_argument(
+        "--task", default="", metavar="TEXT", help="the task of the rows for which the data set names none"
+    )
+    workers(repair)
     convert = one(actions, "convert", "write a data set in another format, codec or layout version")
     convert.add_argument("target", type=Path, metavar="TARGET")
     made(convert)
@@ -147,8 +153,10 @@ def _info(arguments: argparse.Namespace) -> int:
 def _repair(arguments: argparse.Namespace) -> int:
     from joshua_dataset.repair import repair
 
-    sys.stdout.write(repair(arguments.folder, cut=arguments.cut) + "\n")
-    return 0
+    with _workers(arguments) as workers:
+        report = repair(arguments.folder, cut=arguments.cut, task=arguments.task, workers=workers)
+    sys.stdout.write(f"{report}\n")
+    return 0 if report.is_complete else 1
 
 
 def _check(arguments: argparse.Namespace) -> int:
