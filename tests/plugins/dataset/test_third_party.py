@@ -18,7 +18,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from joshua.features import EpisodeError
-from joshua_dataset import reader
+from joshua_dataset import meta_files, reader
 from joshua_dataset.checking import check
 from joshua_dataset.commands.dataset import description
 from joshua_dataset.metadata import INFO, STATS
@@ -175,7 +175,7 @@ def test_a_table_that_is_larger_than_any_recording_is_refused(
 
 
 def test_a_line_without_an_end_is_refused(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reader, "LARGEST_LINE", 1 << 20)
+    monkeypatch.setattr(meta_files, "LARGEST_LINE", 1 << 20)
     (copy / "meta/tasks.jsonl").write_text('{"task": "' + "a" * (2 << 20))
     rewritten(copy, INFO, lambda info: info | {"codebase_version": "v2.1"})
     with pytest.raises(DatasetError, match=r"tasks\.jsonl has a line above 1 MB"):

@@ -6,7 +6,7 @@ Data sets are not trusted: paths stay inside its folder, sizes are checked befor
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +24,9 @@ from joshua_dataset import statistics
 from joshua_dataset.decoding import DatasetError as DatasetError
 from joshua_dataset.decoding import Pictures, pictures_of_video, unreadable
 from joshua_dataset.decoding import picture_of as picture_of
-from joshua_dataset.lock import PRIVATE
-from joshua_dataset.metadata import INDEX_COLUMNS, INFO, MESSAGES, OURS, STATS, TASKS, array_of, is_list
+from joshua_dataset.meta_files import read_info, read_json, read_lines, read_tasks
+from joshua_dataset.metadata import INDEX_COLUMNS, INFO, MESSAGES, OURS, STATS, array_of, is_list
 from joshua_dataset.statistics import Statistics
-
-#: Largest metadata file that is read, and largest line of one, bytes.
-LARGEST_JSON, LARGEST_LINE = 256 << 20, 16 << 20
 
 #: Most rows of a table that is read: a compressed one can hold any number.
 MOST_ROWS = 20_000_000
@@ -97,9 +94,23 @@ class Dataset:
     @classmethod
     def read(cls, folder: Path) -> Dataset:
         """Read the metadata. Raises DatasetError."""
-        info = _json(folder / INFO, folder)
-        if not isinstance(info, dict):
-            raise DatasetError(f"{folder / INFO} is not a JSON object")
+        info = read_info(folder)
+        found = cls.of(folder, info)
+        try:
+            tasks = tuple(str(text) for _, text in sorted(read_tasks(folder, found.version)))
+        except (KeyError, TypeError, ValueError) as error:
+            raise DatasetError(
+                f"{folder}: the table of tasks is not valid: {type(error).__name__}: {error}"
+            ) from error
+        return replace(found, tasks=tasks)
+
+    @classmethod
+    def of(cls, folder: Path, info: Mapping[str, Any]) -> Dataset:
+        """Return what ``meta/info.json`` says, without the tasks. Raises DatasetError.
+
+        Args:
+            folder: of the data set; info: content of the file.
+        """
         version = str(info.get("codebase_version", ""))
         if version not in VERSIONS:
             raise DatasetError(
@@ -122,7 +133,7 @@ class Dataset:
                 features=features,
                 episodes=int(info["total_episodes"]),
                 frames=int(info["total_frames"]),
-                tasks=_tasks(folder, version),
+                tasks=(),
                 pictures=pictures,
                 codec=", ".join(sorted(codecs)),
                 identity={str(k): str(v) for k, v in ours.get("identity", {}).items()},
@@ -147,7 +158,7 @@ class Dataset:
         try:
             if self.version == "v2.1" and not (self.folder / STATS).exists():
                 return self._merged_statistics()
-            record = _json(self.folder / STATS, self.folder)
+            record = read_json(self.folder, STATS)
             return {str(key): statistics.from_json(values) for key, values in record.items()}
         except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
             raise DatasetError(f"{self.folder / STATS} is not valid: {error}") from error
@@ -171,15 +182,25 @@ class Dataset:
         for row in rows:
             try:
                 index = int(row["episode_index"])
-                if index < self.episodes and (wanted is None or index in wanted):
-                    yield self._episode(row, index)
-            except UnsafePathError as error:
-                raise DatasetError(f"{self.folder / 'meta'}: episode {index}: {error}") from error
-            except (KeyError, TypeError, ValueError, IndexError) as error:
-                raise DatasetError(
-                    f"{self.folder / 'meta'}: the row of an episode is not valid: "
-                    f"{type(error).__name__}: {error}"
-                ) from error
+            except (KeyError, TypeError, ValueError) as error:
+                raise self._odd_row(error) from error
+            if index < self.episodes and (wanted is None or index in wanted):
+                yield self.episode_of(row)
+
+    def episode_of(self, row: Mapping[str, Any]) -> Episode:
+        """Return the episode that a row of the table of episodes describes. Raises DatasetError."""
+        try:
+            index = int(row["episode_index"])
+            return self._episode(row, index)
+        except UnsafePathError as error:
+            raise DatasetError(f"{self.folder / 'meta'}: episode {index}: {error}") from error
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            raise self._odd_row(error) from error
+
+    def _odd_row(self, error: Exception) -> DatasetError:
+        return DatasetError(
+            f"{self.folder / 'meta'}: the row of an episode is not valid: {type(error).__name__}: {error}"
+        )
 
     def columns(self, episode: Episode) -> dict[str, npt.NDArray[Any]]:
         """Return the numbers of an episode, (N,) or (N, D) by column. Raises DatasetError."""
@@ -299,9 +320,9 @@ class Dataset:
         meta = self.folder / "meta"
         found = {
             int(r["episode_index"]): r.get("stats", {})
-            for r in _lines(self.folder, meta / "episodes_stats.jsonl", False)
+            for r in read_lines(self.folder, meta / "episodes_stats.jsonl", False)
         }
-        for row in _lines(self.folder, meta / "episodes.jsonl", True):
+        for row in read_lines(self.folder, meta / "episodes.jsonl", True):
             yield row | {"stats": found.get(int(row["episode_index"]), {})}
 
     def _episode(self, row: Mapping[str, Any], index: int) -> Episode:
@@ -338,53 +359,3 @@ class Dataset:
 def _codec(described: Mapping[str, Any]) -> str:
     found = described.get("info") or described.get("video_info") or {}
     return str(found.get("video.codec", ""))
-
-
-def _tasks(folder: Path, version: str) -> tuple[str, ...]:
-    if version == "v3.0":
-        path = folder / TASKS
-        try:
-            file_inside(folder, path)
-            columns = pq.read_table(path).to_pydict()
-        except FileNotFoundError:
-            return ()
-        except (OSError, pa.ArrowException) as error:
-            raise unreadable(path, error) from error
-        names: list[Any] = next((values for name, values in columns.items() if name != "task_index"), [])
-        pairs = zip(columns["task_index"], names, strict=True)
-    else:
-        rows = list(_lines(folder, folder / "meta" / "tasks.jsonl", True))
-        pairs = zip((row["task_index"] for row in rows), (row["task"] for row in rows), strict=True)
-    return tuple(str(name) for _, name in sorted(pairs))
-
-
-def _json(path: Path, folder: Path) -> Any:
-    try:
-        if file_inside(folder, path).stat().st_size > LARGEST_JSON:
-            raise DatasetError(f"{path} is larger than {LARGEST_JSON >> 20} MB")
-        return parse_json(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        if (folder / PRIVATE / "change").exists():
-            raise DatasetError(
-                f"{folder} has a change that was interrupted. "
-                f"Run `joshua dataset repair {folder}` to complete it"
-            ) from error
-        raise DatasetError(f"{folder} is not a data set: it has no {path.relative_to(folder)}") from error
-    except (OSError, ValueError) as error:
-        raise unreadable(path, error) from error
-
-
-def _lines(folder: Path, path: Path, needed: bool) -> Iterator[dict[str, Any]]:
-    try:
-        file_inside(folder, path)
-        with path.open(encoding="utf-8") as file:
-            for line in iter(lambda: file.readline(LARGEST_LINE), ""):
-                if len(line) >= LARGEST_LINE:
-                    raise DatasetError(f"{path} has a line above {LARGEST_LINE >> 20} MB")
-                if line.strip():
-                    yield dict(parse_json(line))
-    except FileNotFoundError as error:
-        if needed:
-            raise DatasetError(f"{path} is missing") from error
-    except (OSError, ValueError, TypeError) as error:
-        raise unreadable(path, error) from error

@@ -20,6 +20,8 @@ class Kind(str, Enum):
     """A Git LFS pointer stands in the place of a file."""
     ELSEWHERE = "elsewhere"
     """A path leads out of the data set."""
+    UNREADABLE = "unreadable"
+    """The system does not let a file be read, which is no damage of the file."""
 
     INFO_TORN = "info-torn"
     """``meta/info.json`` cannot be read."""
@@ -103,6 +105,8 @@ class Kind(str, Enum):
     """A video cannot be opened or decoded."""
     VIDEO_SHORT = "video-short"
     """A video has fewer pictures than its episodes."""
+    VIDEO_LONG = "video-long"
+    """A video has more pictures than its episodes."""
     VIDEO_RATE = "video-rate"
     """A video has another rate than ``fps``, or its pictures are at other times than the rows."""
     VIDEO_SIZE = "video-size"
