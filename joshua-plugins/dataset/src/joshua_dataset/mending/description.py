@@ -36,7 +36,7 @@ def features_of(evidence: Evidence) -> tuple[dict[str, Any], FeatureSet]:
             continue
         schemas = [rows.table.schema for rows in evidence.rows]
         kinds = {schema.field(key).type for schema in schemas if key in schema.names}
-        if len(kinds) == 1 and evidence.suffix != ".csv":
+        if len(kinds) == 1 and evidence.suffix == ".parquet":
             described[key] = _as_column(value, kinds.pop(), evidence, key)
     for rows in evidence.rows if evidence.suffix == ".parquet" else ():
         for field in rows.table.schema:
@@ -50,6 +50,24 @@ def features_of(evidence: Evidence) -> tuple[dict[str, Any], FeatureSet]:
             f"{evidence.folder / INFO}: {error}. Nothing was changed. Correct it there, then run the same "
             "command again"
         ) from error
+
+
+def with_sizes(
+    described: dict[str, Any], sizes: Mapping[str, tuple[int, int] | None], features: FeatureSet
+) -> tuple[dict[str, Any], FeatureSet]:
+    """Return the features with the sizes that the pictures have.
+
+    Args:
+        sizes: height and width of all pictures, by camera; None if that is not known.
+    """
+    corrected = dict(described)
+    for key, size in sizes.items():
+        if size is None or size == features[key].shape[:2]:
+            continue
+        is_channels_first = (described[key].get("names") or ["height"])[0] == "channels"
+        shape = [3, *size] if is_channels_first else [*size, 3]
+        corrected[key] = described[key] | {"shape": shape}
+    return corrected, FeatureSet.from_lerobot(corrected)
 
 
 def _element(kind: pa.DataType) -> pa.DataType:

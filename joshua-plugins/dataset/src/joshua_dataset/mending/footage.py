@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +17,7 @@ from joshua.features import Feature
 
 from joshua_dataset import mp4
 from joshua_dataset.decoding import DatasetError, fits
+from joshua_dataset.files import cause
 from joshua_dataset.mending.evidence import Evidence
 from joshua_dataset.pictures import ERRORS
 
@@ -66,6 +68,30 @@ class Clip:
 
 def videos(evidence: Evidence, feature: Feature) -> list[Video]:
     """Look at all videos of a camera, in order. Raises OSError of the system."""
+    height, width, _ = feature.shape
+    return [look(path, number, height, width) for number, path in _files(evidence, feature)]
+
+
+def size_of(evidence: Evidence, feature: Feature) -> tuple[int, int] | None:
+    """Return the height and the width of all videos of a camera; None if they do not agree, or are torn.
+
+    Raises:
+        OSError: of the system.
+    """
+    sizes = set()
+    for _, path in _files(evidence, feature):
+        try:
+            with _opened(path) as source:
+                context = source.streams.video[0].codec_context
+                sizes.add((int(context.height), int(context.width)))
+        except (*ERRORS, IndexError, ValueError, AttributeError) as error:
+            if is_system_error(error):
+                raise
+    return sizes.pop() if len(sizes) == 1 else None
+
+
+def _files(evidence: Evidence, feature: Feature) -> list[tuple[int, Path]]:
+    """Return the videos of a camera with the number in their name, in order."""
     key = re.escape(safe_name(feature.key, "the feature"))
     if evidence.is_v3:
         pattern = re.compile(rf"videos/{key}/chunk-(\d+)/file-(\d+)\.mp4")
@@ -76,16 +102,18 @@ def videos(evidence: Evidence, feature: Feature) -> list[Video]:
         match = pattern.fullmatch(path.relative_to(evidence.folder).as_posix())
         if match is not None:
             found.append((int(match[1]), int(match[2]), path))
-    return [_video(evidence.folder, path, number, feature) for _, number, path in sorted(found)]
-
-
-def _video(folder: Path, path: Path, number: int, feature: Feature) -> Video:
-    file_inside(folder, path, "the video")
-    return look(path, number, feature.shape[0], feature.shape[1])
+    return [(number, file_inside(evidence.folder, path, "the video")) for _, number, path in sorted(found)]
 
 
 def look(path: Path, number: int, height: int, width: int) -> Video:
     """Decode a video. Raises OSError of the system."""
+    found = _look(path, number, height, width, threads="AUTO")
+    if found.why:  # with several threads, an error comes before the pictures that precede it
+        found = _look(path, number, height, width, threads="NONE")
+    return found
+
+
+def _look(path: Path, number: int, height: int, width: int, *, threads: str) -> Video:
     declared = whole = 0
     codec = ""
     times: list[Fraction] = []
@@ -97,8 +125,8 @@ def look(path: Path, number: int, height: int, width: int) -> Video:
             fits(stream, path, height, width)
             codec = str(stream.codec_context.codec.canonical_name)
             declared, average_hz = int(stream.frames), stream.average_rate
-            stream.thread_type = "AUTO"
-            for picture in source.decode(stream):
+            stream.thread_type = threads
+            for picture in _pictures(source, stream):
                 if (picture.height, picture.width) != (height, width):
                     raise DatasetError(f"picture {whole} has another size")
                 if picture.pts is not None and picture.time_base is not None:
@@ -107,12 +135,26 @@ def look(path: Path, number: int, height: int, width: int) -> Video:
     except (*ERRORS, DatasetError, IndexError, ValueError) as error:
         if is_system_error(error):
             raise
-        why = f"{path.name}: {' '.join(str(error).split())}"
+        why = f"{path.name}: {' '.join(cause(error).split())}"
     declared = max(declared, whole)
     if not why and whole < declared:
         why = f"{path.name} has {whole} of {declared} pictures"
     rate_hz = average_hz if whole == 1 and times[:1] == [0] else _rate_hz(times, whole)
     return Video(path, number, declared, whole, rate_hz, codec, why)
+
+
+def _pictures(source: Any, stream: Any) -> Iterator[Any]:
+    """Yield the pictures of a video up to the first error, with those that wait in the decoder by then.
+
+    Raises:
+        OSError, av.FFmpegError: the error.
+    """
+    for packet in source.demux(stream):
+        try:
+            yield from packet.decode()
+        except ERRORS:
+            yield from stream.codec_context.decode(None)
+            raise
 
 
 @contextlib.contextmanager
@@ -253,3 +295,5 @@ def _copy(video: Video, target: Path, count: int, fps: int) -> None:
             packet.duration = 1
             packet.stream = stream
             made.mux(packet)
+    if not mp4.fragments(target).is_complete:  # some writes of FFmpeg fail without a word
+        raise OSError(errno.EIO, "the video cannot be written", str(target))

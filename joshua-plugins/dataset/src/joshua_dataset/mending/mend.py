@@ -193,7 +193,7 @@ class _Mending:
             raise self._hopeless([f"{name}: {why}" for name, why in found.aside.items()])
 
     def _hopeless(self, reasons: Sequence[str]) -> EpisodeError:
-        named = "; ".join(reasons[:_MOST_NAMED]) + ("; …" if len(reasons) > _MOST_NAMED else "")
+        named = "; ".join(reason.rstrip(".") for reason in reasons[:_MOST_NAMED]) + ("; …" if len(reasons) > _MOST_NAMED else "")
         return EpisodeError(
             f"{self._folder} cannot be mended without inventing something: {named or 'it has no row'}. "
             "Nothing was changed. Restore these files from a copy"

@@ -77,6 +77,9 @@ def plan(evidence: Evidence, mended: Mended, refused: Mapping[int, str], task: s
     """
     described, features = description.features_of(evidence)
     cameras = description.cameras(features, described)
+    sizes = {camera.key: footage.size_of(evidence, camera) for camera in cameras}
+    described, features = description.with_sizes(described, sizes, features)
+    cameras = description.cameras(features, described)
     seen = {camera.key: footage.videos(evidence, camera) for camera in cameras}
     rates_hz = [video.rate_hz for found in seen.values() for video in found if not video.why]
     fps = description.fps_of(evidence, runs.rate_hz(evidence), rates_hz)
