@@ -23,7 +23,6 @@ from joshua_dataset.checks.rows import Rows
 from joshua_dataset.checks.videos import VideoFile, Videos
 from joshua_dataset.reader import Episode
 
-
 #: Beginnings of the kinds whose repair changes no row.
 _NOT_OF_ROWS = ("info-", "tasks-", "unfinished")
 
