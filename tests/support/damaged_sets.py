@@ -108,7 +108,9 @@ def encode(path: Path, count: int, *, first: int = 0, rate: int = FPS, side: int
         stream: Any = target.add_stream("libx264", rate=rate, options={"g": "2", "bf": "0"})
         stream.height, stream.width, stream.pix_fmt = side or 24, side or 32, "yuv420p"
         for number in range(first, first + count):
-            picture = np.random.default_rng(number).integers(0, 256, (stream.height, stream.width, 3), np.uint8)
+            picture = np.random.default_rng(number).integers(
+                0, 256, (stream.height, stream.width, 3), np.uint8
+            )
             for packet in stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")):
                 target.mux(packet)
         for packet in stream.encode():
@@ -158,7 +160,9 @@ def column(name: str, change: Callable[[Any, int], Any]) -> Damage:
         table = pq.read_table(path)
         values = change(np.array(table[name].to_pylist()), first_row(version))
         kind = table.schema.field(name)
-        _put(path, table.set_column(table.column_names.index(name), kind, pa.array(values.tolist(), kind.type)))
+        _put(
+            path, table.set_column(table.column_names.index(name), kind, pa.array(values.tolist(), kind.type))
+        )
 
     return damage
 
@@ -234,7 +238,10 @@ def tasks(change: Callable[[list[tuple[int, str]]], list[tuple[int, str]]]) -> D
         path = folder / metadata.TASKS
         schema = pq.read_schema(path)
         columns = [[index for index, _ in pairs], [text for _, text in pairs]]
-        _put(path, pa.table(dict(zip(schema.names, columns, strict=True))).replace_schema_metadata(schema.metadata))
+        _put(
+            path,
+            pa.table(dict(zip(schema.names, columns, strict=True))).replace_schema_metadata(schema.metadata),
+        )
 
     return damage
 
@@ -302,10 +309,14 @@ DAMAGES: dict[str, Damage] = {
     "rows lost at the end": table(lambda found, first: found.slice(0, len(found) - 2)),
     "rows lost in the middle": table(lambda found, first: without(found, first + 2, first + 3)),
     "rows lost at the begin": table(lambda found, first: without(found, first, first + 2)),
-    "rows repeated": table(lambda found, first: pa.concat_tables([found.slice(0, first + 3), found.slice(first + 2)])),
+    "rows repeated": table(
+        lambda found, first: pa.concat_tables([found.slice(0, first + 3), found.slice(first + 2)])
+    ),
     "rows swapped": column("frame_index", lambda v, i: put(v, [i + 1, i + 2], v[[i + 2, i + 1]])),
     "rows exchanged": table(
-        lambda found, first: found.take([*range(first + 1), first + 2, first + 1, *range(first + 3, len(found))])
+        lambda found, first: found.take(
+            [*range(first + 1), first + 2, first + 1, *range(first + 3, len(found))]
+        )
     ),
     "episode_index wrong": column("episode_index", lambda v, i: put(v, slice(i + 1, i + 3), 3)),
     "episode_index shifted": column("episode_index", lambda v, i: v + 1),
@@ -345,7 +356,9 @@ DAMAGES: dict[str, Damage] = {
     "shape of a feature": feature("action", shape=[3]),
     "dtype of a feature": feature("action", dtype="float64"),
     "feature missing": info(lambda value: value["features"].pop("action")),
-    "feature without a column": info(lambda value: value["features"].update(force=value["features"]["action"])),
+    "feature without a column": info(
+        lambda value: value["features"].update(force=value["features"]["action"])
+    ),
     "size of the pictures": feature(TOP, shape=[48, 64, 3]),
     "info torn": file(lambda version: "meta/info.json", cut(0.5)),
     "tasks missing": file(tasks_path, lambda content: None),

@@ -117,7 +117,7 @@ def _append(folder: Path) -> None:
 
 
 def _check(folder: Path) -> None:
-    problems = list(check(folder, workers=1))
+    problems = [problem for problem in check(folder, workers=1) if problem.serious]
     if problems:
         raise DatasetError(f"{folder}: {'; '.join(map(str, problems))}")
 

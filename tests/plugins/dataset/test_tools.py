@@ -138,13 +138,16 @@ def test_damaged_columns_are_found(tmp_path: Path, column: str, change: Any, exp
 def test_metadata_that_disagree_are_found(tmp_path: Path) -> None:
     swing(tmp_path)
     rewrite(tmp_path / INFO, lambda info: info | {"total_frames": 61})
-    assert "error: meta/info.json counts 61 frames, and the episodes have 60" in problems(tmp_path)
+    assert any(
+        text.startswith("error: meta/info.json counts 61 frames, and the episodes have 60")
+        for text in problems(tmp_path)
+    )
     rewrite(tmp_path / STATS, lambda stats: stats | {"action": stats["action"] | {"max": [9.0, 9.0]}})
     (found,) = [problem for problem in problems(tmp_path) if "stats.json" in problem]
     assert found.startswith("error: the max of action in meta/stats.json is [9, 9], and the data have [0.399")
     assert f"Run `joshua dataset stats --write {tmp_path}`" in found
     rewrite(tmp_path / STATS, lambda stats: stats | {"action": stats["action"] | {"mean": [0.9, 0.0]}})
-    assert any("the mean of action in meta/stats.json is [0.9, 0]" in text for text in problems(tmp_path))
+    assert any("the max of action in" in text and "wrong, too: mean" in text for text in problems(tmp_path))
     bytes_mean = {"mean": [[[118.0]]] * 3}  # of pictures from 0 to 255
     rewrite(tmp_path / STATS, lambda stats: stats | {TOP: stats[TOP] | bytes_mean})
     assert any(
@@ -182,9 +185,10 @@ def test_missing_and_torn_videos_are_found(tmp_path: Path) -> None:
     swing(tmp_path)
     video = tmp_path / f"videos/{TOP}/chunk-000/file-000.mp4"
     video.write_bytes(video.read_bytes()[:500])
-    assert any(f"episode 0: {TOP}: picture 0 cannot be decoded" in problem for problem in problems(tmp_path))
+    name = video.relative_to(tmp_path)
+    assert any(f"error: episode 0: {name} cannot be read" in problem for problem in problems(tmp_path))
     video.unlink()
-    assert any("No such file or directory" in problem for problem in problems(tmp_path))
+    assert any(f"error: episode 0: {name} is missing" in problem for problem in problems(tmp_path))
 
 
 def test_statistics_are_computed_from_the_data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -325,19 +325,41 @@ class Dataset:
         for row in read_lines(self.folder, meta / "episodes.jsonl", True):
             yield row | {"stats": found.get(int(row["episode_index"]), {})}
 
-    def _episode(self, row: Mapping[str, Any], index: int) -> Episode:
-        info, length = self.info, int(row["length"])
+    def table_of(self, row: Mapping[str, Any]) -> Path:
+        """Return the table of the episode that a row describes. Raises DatasetError."""
+        try:
+            return self._table_of(row, int(row["episode_index"]))
+        except UnsafePathError as error:
+            raise DatasetError(f"{self.folder / 'meta'}: {error}") from error
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            raise self._odd_row(error) from error
+
+    def _table_of(self, row: Mapping[str, Any], index: int) -> Path:
         if self.version == "v3.0":
             file = {name: int(row[f"data/{name}"]) for name in ("chunk_index", "file_index")}
+        else:
+            file = self._file_of(index)
+        return self._inside(str(self.info["data_path"]), file)
+
+    def _file_of(self, index: int) -> dict[str, int]:
+        """Return what the templates of the layout v2 need."""
+        size = int(self.info.get("chunks_size", 1000))
+        if size < 1:
+            raise ValueError(f"chunks_size is {size}")
+        return {"episode_chunk": index // size, "episode_index": index}
+
+    def _episode(self, row: Mapping[str, Any], index: int) -> Episode:
+        info, length = self.info, int(row["length"])
+        table = self._table_of(row, index)
+        file = self._file_of(index) if self.version != "v3.0" else {}
+        if self.version == "v3.0":
             found: dict[str, dict[str, Any]] = {}
             for name, value in row.items():
                 if name.startswith("stats/") and value is not None:
                     key, _, which = name.removeprefix("stats/").rpartition("/")
                     found.setdefault(key, {})[which] = value
         else:
-            file = {"episode_chunk": index // int(info.get("chunks_size", 1000)), "episode_index": index}
             found = dict(row["stats"])
-        table = self._inside(str(info["data_path"]), file)
         pictures = {}
         for feature in self.features.pictures if self.pictures != MESSAGES else ():
             key, path, from_s = feature.key, table, 0.0

@@ -17,14 +17,14 @@ from joshua.tools import describe_pointers
 from joshua_jobs.executor import Executor
 
 from joshua_dataset import changes, open_episode
-from joshua_dataset.checking import check
+from joshua_dataset.checking import Looked, check
 from joshua_dataset.checks.problem import Kind, Problem
 from joshua_dataset.files import Files, aside_folder, cause, remedy_first
 from joshua_dataset.formats import writer_of
 from joshua_dataset.lock import PRIVATE, WriterLock
 from joshua_dataset.mcap_writer import McapWriter
 from joshua_dataset.mending.mend import damage_of, mend
-from joshua_dataset.metadata import INFO, MESSAGES, OURS, check_layout
+from joshua_dataset.metadata import INFO, OURS, check_layout
 from joshua_dataset.open_episode import SUFFIXES
 from joshua_dataset.pictures import ENCODERS
 from joshua_dataset.reader import NUMBER_TYPES, Dataset, DatasetError
@@ -100,26 +100,28 @@ def repair(
         problems: list[Problem] | None = None
         counted = 0
         hopeless = ""
+        looked = Looked()
         if (folder / INFO).exists():
             _require_files(folder)
-            problems = _problems(folder, workers)
+            problems = _problems(folder, workers, looked)
             damage = damage_of(problems)
             if damage:
                 counted = _counted(folder)
-                said += [f"check found {len(damage)} errors:", *map(str, damage)]
+                said += [f"check found {len(damage)} problems:", *map(str, damage)]
                 try:
                     done = mend(folder, task, files, workers)
                 except EpisodeError as error:
                     hopeless = str(error)
                 else:
                     said += done.lines()
-                    problems = done.left
+                    problems, looked = done.left, done.looked
         has_journal = open_episode.read_journal(folder) is not None
         if hopeless and not has_journal:
             raise EpisodeError("\n".join([*said, hopeless]))
         if has_journal or problems is None:
             said.append(_finished(folder, lock, cut, files, counted).text)
-            problems = _problems(folder, workers) if (folder / INFO).exists() else None
+            looked = Looked()
+            problems = _problems(folder, workers, looked) if (folder / INFO).exists() else None
         elif had_journal:
             said.append("the unfinished episode is completed")
         if problems is None:
@@ -127,7 +129,7 @@ def repair(
         if hopeless:
             return Report((*said, hopeless), is_complete=False)
         left = [problem for problem in problems if problem.serious]
-        return Report((*said, _verdict(folder, left)), is_complete=not left)
+        return Report((*said, _verdict(folder, left, looked)), is_complete=not left)
 
 
 def _require_files(folder: Path) -> None:
@@ -137,9 +139,9 @@ def _require_files(folder: Path) -> None:
         raise EpisodeError(f"{pointers[0]}. Nothing was changed. {pointers[1]}")
 
 
-def _problems(folder: Path, workers: Executor | int | None) -> list[Problem]:
+def _problems(folder: Path, workers: Executor | int | None, looked: Looked) -> list[Problem]:
     try:
-        return list(check(folder, workers=workers))
+        return list(check(folder, workers=workers, looked=looked))
     except DatasetError as error:
         return [Problem(Kind.INFO_FIELD, str(error))]
 
@@ -152,19 +154,19 @@ def _counted(folder: Path) -> int:
         return 0
 
 
-def _verdict(folder: Path, left: Sequence[Problem]) -> str:
-    """Return the last line: what was looked at, and what was found there."""
-    dataset = Dataset.read(folder)
-    looked = "`joshua dataset check` has looked at the metadata, the tables, the statistics and all pictures"
-    if dataset.pictures == MESSAGES:
-        looked = "`joshua dataset check` has looked at the metadata and all messages"
+def _verdict(folder: Path, left: Sequence[Problem], looked: Looked) -> str:
+    """Return the last line: what was found now, and where it was looked for."""
+    count = Dataset.read(folder).episodes
     if not left:
-        return f"{folder} is complete: {dataset.episodes} episodes. {looked}, and found nothing serious"
+        return (
+            f"{folder} is complete: {count} episodes. `joshua dataset check` finds nothing serious: {looked}"
+        )
     first = f"{left[0]}" + (f", and {len(left) - 1} more" if len(left) > 1 else "")
+    numbers = ",".join(map(str, sorted({problem.episode for problem in left})))
     return (
-        f"{folder} has {dataset.episodes} episodes. {looked}, and found what no repair mends: {first}. "
+        f"{folder} has {count} episodes. `joshua dataset check` finds what no repair mends: {first}: {looked}. "
         f"Run `joshua dataset view {folder}` to look at it, or `joshua dataset delete {folder} --episodes "
-        f"{','.join(map(str, sorted({problem.episode for problem in left})))}` to remove it"
+        f"{numbers}` to remove it"
     )
 
 

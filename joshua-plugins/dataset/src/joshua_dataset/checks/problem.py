@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 
@@ -163,7 +164,8 @@ class Problem:
 
     Attributes:
         kind: of the problem; text: what was found, where, and what is right, without a remedy.
-        episode: its index, -1 for the data set as a whole.
+        episode: its index, -1 for several of them or the data set as a whole.
+        episodes: those of a file that holds several; empty otherwise.
         serious: training or replaying would fail or learn something wrong.
         remedy: words of the command that cures it, with ``TARGET`` in the place of a new folder; None if
             no command does.
@@ -174,11 +176,38 @@ class Problem:
     episode: int = -1
     serious: bool = True
     remedy: tuple[str, ...] | None = None
+    episodes: tuple[int, ...] = ()
+
+    @property
+    def concerned(self) -> frozenset[int]:
+        """Episodes without which the problem would be gone; empty if it is one of the whole data set."""
+        return frozenset(self.episodes) | ({self.episode} if self.episode >= 0 else set())
 
     def __str__(self) -> str:
         where = f"episode {self.episode}: " if self.episode >= 0 else ""
+        if self.episodes:
+            where = f"episodes {spelled(self.episodes)}: "
         then = f". Run `{shlex.join(self.remedy)}`" if self.remedy else ""
         return f"{'error' if self.serious else 'warning'}: {where}{self.text}{then}"
+
+
+def of_episodes(problem: Problem, indices: Iterable[int]) -> Problem:
+    """Return a problem of a file with the episodes that the file holds."""
+    known = tuple(sorted(set(indices)))
+    if len(known) == 1:
+        return replace(problem, episode=known[0], episodes=())
+    return replace(problem, episode=-1, episodes=known)
+
+
+def spelled(indices: Sequence[int]) -> str:
+    """Return numbers in rising order as ranges, such as ``0-3,7``, which ``--episodes`` takes."""
+    ranges: list[list[int]] = []
+    for index in indices:
+        if ranges and index == ranges[-1][1] + 1:
+            ranges[-1][1] = index
+        else:
+            ranges.append([index, index])
+    return ",".join(str(first) if first == last else f"{first}-{last}" for first, last in ranges)
 
 
 def repairing(folder: Path) -> tuple[str, ...]:

@@ -160,15 +160,17 @@ def _repair(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from joshua_dataset.checking import check
+    from joshua_dataset.checking import Looked, check
 
     errors = warnings = 0
+    looked = Looked()
     with _workers(arguments) as workers:
-        for problem in check(arguments.folder, pictures=not arguments.no_pictures, workers=workers):
+        pictures = not arguments.no_pictures
+        for problem in check(arguments.folder, pictures=pictures, workers=workers, looked=looked):
             sys.stdout.write(f"{problem}\n")
             errors += problem.serious
             warnings += not problem.serious
-    sys.stdout.write(f"{arguments.folder}: {errors} errors, {warnings} warnings\n")
+    sys.stdout.write(f"{arguments.folder}: {errors} errors, {warnings} warnings; {looked}\n")
     return 1 if errors else 0
 
 

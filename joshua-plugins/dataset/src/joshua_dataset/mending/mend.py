@@ -15,7 +15,7 @@ from joshua.features import EpisodeError, Feature
 from joshua_jobs.executor import Executor
 
 from joshua_dataset.changes import Change, own_files
-from joshua_dataset.checking import check
+from joshua_dataset.checking import Looked, check
 from joshua_dataset.checks.problem import Kind, Problem
 from joshua_dataset.files import Files, aside_folder
 from joshua_dataset.mending import evidence as gathering
@@ -48,7 +48,7 @@ class Mended:
         cut: what ends an episode early, by the number that it had; aside: why an episode is not kept.
         notes: what else was changed.
         place: folder with the files that were replaced, in the data set.
-        left: what ``check`` finds in the data set now, which is no damage.
+        left: what ``check`` finds in the data set now, nothing of it serious damage; looked: at what.
     """
 
     episodes: int
@@ -58,6 +58,7 @@ class Mended:
     aside: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     left: list[Problem] = field(default_factory=list)
+    looked: Looked = field(default_factory=Looked)
 
     def lines(self) -> list[str]:
         """Return what was kept, cut and moved aside, a line each."""
@@ -70,8 +71,17 @@ class Mended:
 
 
 def damage_of(problems: Sequence[Problem]) -> list[Problem]:
-    """Return the problems that are damage of files."""
-    return [item for item in problems if item.serious and item.kind not in NOT_OF_FILES]
+    """Return the problems that are damage of files: those that are serious, and what a repair cures."""
+    return [
+        item
+        for item in problems
+        if item.kind not in NOT_OF_FILES and (item.serious or _is_cured(item.remedy))
+    ]
+
+
+def _is_cured(remedy: Sequence[str] | None) -> bool:
+    """Return whether a repair does what a remedy does: it computes the statistics, too."""
+    return remedy is not None and tuple(remedy[1:3]) in (("dataset", "repair"), ("dataset", "stats"))
 
 
 def mend(folder: Path, task: str, files: Files, workers: Executor | int | None) -> Mended:
@@ -104,6 +114,7 @@ class _Mending:
         self._videos: dict[tuple[Path, int], Video] = {}
         self._refused: dict[int, str] = {}
         self._left: list[Problem] = []
+        self._looked = Looked()
 
     def run(self) -> Mended:
         """Mend the data set. Raises as ``mend``."""
@@ -145,10 +156,11 @@ class _Mending:
         return None
 
     def _check_made(self) -> list[Problem]:
-        """Return the damage in the result; keep what else ``check`` finds in it."""
-        found = [self._in_place(item) for item in check(self._change.made, workers=self._workers)]
-        self._left = [problem for problem in found if problem not in damage_of(found)]
-        return damage_of(found)
+        """Return what is serious in the result; keep all that ``check`` finds in it."""
+        self._looked = Looked()
+        checked = check(self._change.made, workers=self._workers, looked=self._looked)
+        self._left = [self._in_place(problem) for problem in checked]
+        return [problem for problem in damage_of(self._left) if problem.serious]
 
     def _in_place(self, problem: Problem) -> Problem:
         """Return a problem of the result with the paths that it will have."""
@@ -193,7 +205,9 @@ class _Mending:
             raise self._hopeless([f"{name}: {why}" for name, why in found.aside.items()])
 
     def _hopeless(self, reasons: Sequence[str]) -> EpisodeError:
-        named = "; ".join(reason.rstrip(".") for reason in reasons[:_MOST_NAMED]) + ("; …" if len(reasons) > _MOST_NAMED else "")
+        named = "; ".join(reason.rstrip(".") for reason in reasons[:_MOST_NAMED]) + (
+            "; …" if len(reasons) > _MOST_NAMED else ""
+        )
         return EpisodeError(
             f"{self._folder} cannot be mended without inventing something: {named or 'it has no row'}. "
             "Nothing was changed. Restore these files from a copy"
@@ -224,7 +238,7 @@ class _Mending:
                 self._change.replace_aside(path, place)
         self._change.put_made(without=unchanged)
         self._change.commit()
-        return Mended(made.episodes, made.frames, place, cut, aside, notes, self._left)
+        return Mended(made.episodes, made.frames, place, cut, aside, notes, self._left, self._looked)
 
 
 def _notes(evidence: Evidence, found: Plan) -> list[str]:
