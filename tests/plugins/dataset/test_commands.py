@@ -53,8 +53,8 @@ def test_repair_of_a_complete_data_set(tmp_path: Path, capsys: pytest.CaptureFix
     write(tmp_path)
     assert run(dataset, "repair", str(tmp_path)) == 0
     assert capsys.readouterr().out == (
-        f"{tmp_path} is complete: 2 episodes. `joshua dataset check` finds nothing serious: 2 episodes, 5 rows, "
-        "the headers of 2 videos and 5 pictures were read\n"
+        f"{tmp_path} is complete: 2 episodes. `joshua dataset check` finds nothing serious: 2 episodes, 5 "
+        "rows, the headers of 2 videos and 5 pictures were read\n"
     )
 
 

@@ -201,7 +201,7 @@ def test_statistics_are_computed_from_the_data(tmp_path: Path, capsys: pytest.Ca
     rewrite(tmp_path / STATS, lambda stats: stats | {"action": stats["action"] | {"max": [9.0, 9.0]}})
     arguments = ["stats", str(tmp_path), "--write", "--workers", "1"]
     assert run(*arguments) == 0
-    assert f"{tmp_path / STATS} is replaced" in capsys.readouterr().out
+    assert f"the statistics of 2 episodes are replaced: {tmp_path / STATS}\n" in capsys.readouterr().out
     assert problems(tmp_path) == []
 
 

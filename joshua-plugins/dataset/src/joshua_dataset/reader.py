@@ -25,7 +25,16 @@ from joshua_dataset.decoding import DatasetError as DatasetError
 from joshua_dataset.decoding import Pictures, pictures_of_video, unreadable
 from joshua_dataset.decoding import picture_of as picture_of
 from joshua_dataset.meta_files import read_info, read_json, read_lines, read_tasks
-from joshua_dataset.metadata import INDEX_COLUMNS, INFO, MESSAGES, OURS, STATS, array_of, is_list
+from joshua_dataset.metadata import (
+    EPISODES_STATS,
+    INDEX_COLUMNS,
+    INFO,
+    MESSAGES,
+    OURS,
+    STATS,
+    array_of,
+    is_list,
+)
 from joshua_dataset.statistics import Statistics
 
 #: Most rows of a table that is read: a compressed one can hold any number.
@@ -172,13 +181,16 @@ class Dataset:
                 found[key] = statistics.merged([found[key], part]) if key in found else part
         return found
 
-    def episode_list(self, wanted: set[int] | None = None) -> Iterator[Episode]:
+    def episode_list(
+        self, wanted: set[int] | None = None, *, with_statistics: bool = True
+    ) -> Iterator[Episode]:
         """Yield the episodes that the data set counts, in order. Raises DatasetError.
 
         Args:
             wanted: their indices; None for all.
+            with_statistics: read their statistics, too, which must be readable then.
         """
-        rows = self._rows_v3() if self.version == "v3.0" else self._rows_v2()
+        rows = self._rows_v3() if self.version == "v3.0" else self._rows_v2(with_statistics)
         for row in rows:
             try:
                 index = int(row["episode_index"])
@@ -316,12 +328,10 @@ class Dataset:
             except (OSError, pa.ArrowException) as error:
                 raise unreadable(path, error) from error
 
-    def _rows_v2(self) -> Iterator[dict[str, Any]]:
+    def _rows_v2(self, with_statistics: bool) -> Iterator[dict[str, Any]]:
         meta = self.folder / "meta"
-        found = {
-            int(r["episode_index"]): r.get("stats", {})
-            for r in read_lines(self.folder, meta / "episodes_stats.jsonl", False)
-        }
+        stored = read_lines(self.folder, self.folder / EPISODES_STATS, False) if with_statistics else ()
+        found = {int(r["episode_index"]): r.get("stats", {}) for r in stored}
         for row in read_lines(self.folder, meta / "episodes.jsonl", True):
             yield row | {"stats": found.get(int(row["episode_index"]), {})}
 

@@ -17,7 +17,7 @@ from joshua_jobs.processes import in_order
 from joshua_dataset import statistics
 from joshua_dataset.changes import Change, changing
 from joshua_dataset.decoding import unreadable
-from joshua_dataset.metadata import INDEX_COLUMNS, STATS
+from joshua_dataset.metadata import EPISODES_STATS, INDEX_COLUMNS, STATS
 from joshua_dataset.pictures import PICTURE_STRIDE
 from joshua_dataset.reader import Dataset, DatasetError, Episode
 from joshua_dataset.statistics import PictureStatistics, Statistics
@@ -53,7 +53,7 @@ def by_episode(
     dataset: Dataset, workers: Executor | int | None
 ) -> Iterator[tuple[int, dict[str, Statistics]]]:
     """Yield the statistics of each episode, with its index. Raises DatasetError."""
-    items = ((dataset.folder, episode) for episode in dataset.episode_list())
+    items = ((dataset.folder, episode) for episode in dataset.episode_list(with_statistics=False))
     yield from in_order(_of_episode, items, workers)
 
 
@@ -84,7 +84,7 @@ def write(
         for path, table in _episode_tables(dataset.folder):
             change.table(path, with_statistics(table, parts))
     elif dataset.version == "v2.1":
-        change.lines(dataset.folder / "meta" / "episodes_stats.jsonl", as_lines(parts))
+        change.lines(dataset.folder / EPISODES_STATS, as_lines(parts))
     if dataset.version != "v2.1" or (dataset.folder / STATS).exists():
         values = {key: statistics.as_json(value) for key, value in together.items()}
         change.json(dataset.folder / STATS, values)

@@ -161,10 +161,11 @@ def _verdict(folder: Path, left: Sequence[Problem], looked: Looked) -> str:
         return (
             f"{folder} is complete: {count} episodes. `joshua dataset check` finds nothing serious: {looked}"
         )
-    first = f"{left[0]}" + (f", and {len(left) - 1} more" if len(left) > 1 else "")
+    found = f"{left[0]}" + (f", and {len(left) - 1} more" if len(left) > 1 else "")
     numbers = ",".join(map(str, sorted({problem.episode for problem in left})))
     return (
-        f"{folder} has {count} episodes. `joshua dataset check` finds what no repair mends: {first}: {looked}. "
+        f"{folder} has {count} episodes. `joshua dataset check` finds what no repair mends: {found}; "
+        f"{looked}. "
         f"Run `joshua dataset view {folder}` to look at it, or `joshua dataset delete {folder} --episodes "
         f"{numbers}` to remove it"
     )

@@ -35,7 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     view.add_argument("--no-open", action="store_true", help="only write the page")
     stats = one(actions, "stats", "compute the statistics from the data")
-    stats.add_argument("--write", action="store_true", help="replace meta/stats.json")
+    stats.add_argument(
+        "--write", action="store_true", help="replace those of the data set and of its episodes"
+    )
     workers(stats)
     repair = one(actions, "repair", "mend what `check` finds, and complete what a kill left unfinished")
     repair.add_argument(
@@ -198,14 +200,15 @@ def _view(arguments: argparse.Namespace) -> int:
 def _stats(arguments: argparse.Namespace) -> int:
     from joshua.tools import Screen, columns
 
-    from joshua_dataset.metadata import STATS
+    from joshua_dataset.metadata import EPISODES_STATS, STATS
     from joshua_dataset.reader import Dataset
     from joshua_dataset.recomputing import recompute, recomputed
 
     compute = recompute if arguments.write else recomputed
     with _workers(arguments) as workers:
         found = compute(arguments.folder, workers=workers)
-    features = Dataset.read(arguments.folder).features
+    dataset = Dataset.read(arguments.folder)
+    features = dataset.features
     figures = ("min", "mean", "max", "std")
     rows = [("FEATURE", "NAME", *map(str.upper, figures))]
     for key, values in found.items():
@@ -219,7 +222,9 @@ def _stats(arguments: argparse.Namespace) -> int:
     layout = columns(rows, screen=Screen.of(sys.stdout), right=range(2, 6), group=0, flexible=1)
     sys.stdout.writelines(f"{line}\n" for line in layout)
     if arguments.write:
-        sys.stdout.write(f"{arguments.folder / STATS} is replaced\n")
+        stored = [arguments.folder / name for name in (STATS, EPISODES_STATS)]
+        names = " and ".join(str(path) for path in stored if path.exists())
+        sys.stdout.write(f"the statistics of {dataset.episodes} episodes are replaced: {names}\n")
     return 0
 
 

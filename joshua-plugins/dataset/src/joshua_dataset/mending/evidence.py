@@ -19,7 +19,7 @@ from joshua.api.files import file_inside, inside, is_system_error
 from joshua.features import EpisodeError
 from joshua.tools import parse_json
 
-from joshua_dataset.metadata import INDEX_COLUMNS, INFO, OURS, SUFFIXES, TASKS, array_of
+from joshua_dataset.metadata import EPISODES_STATS, INDEX_COLUMNS, INFO, OURS, SUFFIXES, TASKS, array_of
 from joshua_dataset.reader import MOST_ROWS, VERSIONS
 
 _TABLE = re.compile(r"data/chunk-(\d+)/(file-|episode_)(\d+)\.(parquet|csv|jsonl)")
@@ -91,7 +91,7 @@ def read(folder: Path) -> Evidence:
     version = str(info.get("codebase_version", ""))
     is_v2 = any(match[2] == "episode_" for _, match in names)
     if version not in VERSIONS or is_v2 == (version == "v3.0"):
-        has_statistics = (folder / "meta" / "episodes_stats.jsonl").exists()
+        has_statistics = (folder / EPISODES_STATS).exists()
         version = ("v2.1" if has_statistics else "v2.0") if is_v2 else "v3.0"
     rows, unreadable = [], {}
     for path, match in names:

@@ -259,17 +259,21 @@ def without_pictures(video: Video) -> Video:
     return replace(video, whole=0, why=video.why or f"the pictures of {video.path.name} cannot be timed")
 
 
-def copy(video: Video, target: Path, fps: int, height: int, width: int) -> Video:
-    """Write the whole pictures of a video into a new one, without encoding them anew; look at it.
+def copy(video: Video, target: Path, most: int, fps: int, height: int, width: int) -> Video:
+    """Write the first whole pictures of a video into a new one, without encoding them anew; look at it.
 
     The new one has one picture for each ``1 / fps``, from the time 0 on. Where pictures depend on later
     ones that are missing, it has some fewer.
+
+    Args:
+        most: pictures; fps: frames per second; height, width: of the pictures.
 
     Raises:
         OSError, av.FFmpegError: the disk refuses it, or the codec.
     """
     made = video
-    for count in range(video.whole, max(0, video.whole - _MOST_GIVEN_UP), -1):
+    first = min(most, video.whole)
+    for count in range(first, max(0, first - _MOST_GIVEN_UP), -1):
         _copy(video, target, count, fps)
         made = look(target, video.number, height, width)
         if made.is_as_described(fps) or (count == 1 and made.whole == 1):

@@ -185,7 +185,7 @@ class _Mending:
     @staticmethod
     def _copied(video: Video, target: Path, fps: int, camera: Feature) -> Video:
         try:
-            copied = footage.copy(video, target, fps, camera.shape[0], camera.shape[1])
+            copied = footage.copy(video, target, video.whole, fps, camera.shape[0], camera.shape[1])
         except (*ERRORS, ValueError) as error:
             if is_system_error(error):
                 raise

@@ -13,11 +13,11 @@ from joshua_jobs.executor import Executor
 
 from joshua_dataset import metadata, recomputing, statistics
 from joshua_dataset.files import linked
-from joshua_dataset.mending import description
+from joshua_dataset.mending import description, footage
 from joshua_dataset.mending.evidence import Evidence
 from joshua_dataset.mending.footage import Video
 from joshua_dataset.mending.planning import Part, Plan
-from joshua_dataset.metadata import INDEX_COLUMNS, INFO, STATS, TASKS
+from joshua_dataset.metadata import EPISODES_STATS, INDEX_COLUMNS, INFO, STATS, TASKS
 from joshua_dataset.output import write_json, write_lines, write_table
 from joshua_dataset.reader import Dataset
 
@@ -175,7 +175,19 @@ class Rebuilding:
                 rows[number] |= self._video_columns(key, at, clip.first, part.length)
             path = self._video_path(name, at)
             if not (self._target / path).exists():
-                self._take(clip.video.path, path)
+                self._take_video(clip.video, key, path)
+
+    def _take_video(self, video: Video, key: str, path: str) -> None:
+        """Take a video over, up to the last picture that an episode uses."""
+        clips = [(part.clips[key], part.length) for part in self._plan.parts]
+        end = max(clip.first + length for clip, length in clips if clip.video == video)
+        if end < video.whole:
+            height, width, _ = self._plan.features[key].shape
+            copied = footage.copy(video, self._new(path), end, self._plan.fps, height, width)
+            if copied.whole == end:
+                return
+            self._new(path).unlink()  # its last pictures depend on later ones
+        self._take(video.path, path)
 
     def _video_path(self, name: str, number: int) -> str:
         if self._evidence.is_v3:
@@ -228,7 +240,7 @@ class Rebuilding:
         if not self._evidence.is_v3:
             write_lines(self._new("meta/episodes.jsonl"), rows)
             if parts and self._evidence.version == "v2.1":
-                write_lines(self._new("meta/episodes_stats.jsonl"), recomputing.as_lines(parts))
+                write_lines(self._new(EPISODES_STATS), recomputing.as_lines(parts))
             return
         names = dict.fromkeys(name for row in rows for name in row)
         here = {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
