@@ -14,7 +14,8 @@ from joshua_jobs.executor import Executor
 from joshua_jobs.processes import in_order
 
 from joshua_dataset import changes, open_episode
-from joshua_dataset.checks import agreement, contents, episodes, info, rows, tasks, times, videos
+from joshua_dataset.checks import agreement, contents, episodes, info, rows, tasks, times
+from joshua_dataset.checks import videos as headers
 from joshua_dataset.checks.contents import Contents
 from joshua_dataset.checks.data_statistics import Together
 from joshua_dataset.checks.one_episode import Found, Job, check_episode
@@ -53,6 +54,7 @@ def check(
     folder: Path,
     *,
     pictures: bool = True,
+    videos: bool = True,
     workers: Executor | int | None = None,
     looked: Looked | None = None,
 ) -> Iterator[Problem]:
@@ -60,6 +62,7 @@ def check(
 
     Args:
         folder: of the data set; pictures: decode them, too, and compare the times of all pictures.
+        videos: read their headers; without, nothing of the videos is judged.
         workers: an executor, or processes; None for one per core.
         looked: filled in with what was looked at, complete after the last problem.
 
@@ -68,7 +71,8 @@ def check(
     """
     looked = looked if looked is not None else Looked()
     there = contents.read(folder)
-    of_rows, of_videos = rows.read(there), videos.read(there)
+    of_rows = rows.read(there)
+    of_videos = headers.read(there) if videos else Videos()
     recorded_hz = times.rate_hz(there, of_rows, of_videos)
     looked.rows, looked.videos = of_rows.count, sum(file.is_open for file in of_videos.files)
     is_sound = True
@@ -76,13 +80,13 @@ def check(
         # statistics of rows that a repair changes would have to be computed again
         is_sound = is_sound and (not problem.serious or problem.kind.value.startswith(_NOT_OF_ROWS))
         yield problem
-    if pictures:
+    if pictures and videos:
         files = [(folder, file, recorded_hz) for file in _to_demux(of_videos, recorded_hz)]
-        for found in in_order(videos.moments, files, workers):
+        for found in in_order(headers.moments, files, workers):
             yield from found
     together = Together(there)
     remedy = computing(folder) if is_sound else repairing(folder)
-    jobs = _jobs(there, of_rows, of_videos, recorded_hz, remedy, pictures=pictures)
+    jobs = _jobs(there, of_rows, of_videos, recorded_hz, remedy, pictures=pictures and videos)
     for done in in_order(check_episode, jobs, workers):
         yield from done.problems
         _look(looked, done)
@@ -100,7 +104,7 @@ def _of_files(there: Contents, of_rows: Rows, of_videos: Videos, recorded_hz: fl
     yield from of_rows.problems
     yield from agreement.problems(there, of_rows)
     yield from of_videos.problems
-    yield from videos.problems(there, of_videos, recorded_hz)
+    yield from headers.problems(there, of_videos, recorded_hz)
     yield from times.problems(there, of_rows, of_videos)
 
 

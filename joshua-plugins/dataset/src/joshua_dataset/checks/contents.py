@@ -52,6 +52,7 @@ class Contents:
         rows: of the tables of episodes, in order.
         columns: names of the columns of each table of episodes.
         has_all_rows: no table of episodes is missing or torn.
+        is_empty: no episode was recorded yet.
         problems: found while reading.
     """
 
@@ -63,6 +64,7 @@ class Contents:
     rows: list[EpisodeRow] = field(default_factory=list)
     columns: dict[Path, pa.Schema] = field(default_factory=dict)
     has_all_rows: bool = True
+    is_empty: bool = False
     problems: list[Problem] = field(default_factory=list)
 
     @property
@@ -186,12 +188,22 @@ def read(folder: Path) -> Contents:
             found.dataset = Dataset.of(folder, {**found.info, "codebase_version": found.version})
     except DatasetError as error:
         found.problems.append(Problem(Kind.INFO_FIELD, str(error)))
+    if found.info.get("total_episodes") == 0 and not _has_tables(found):
+        found.is_empty = True
+        found.add(Kind.EPISODES_MISSING, "no episode was recorded yet", serious=False, remedy=None)
+        return found
     _read_tasks(found)
     if found.is_v3:
         _read_tables(found)
     else:
         _read_lines(found)
     return found
+
+
+def _has_tables(found: Contents) -> bool:
+    places = [found.folder / "data", found.folder / EPISODES]
+    has_files = any(any(place.rglob("*.*")) for place in places if place.is_dir())
+    return has_files or (found.folder / EPISODE_LINES).exists()
 
 
 def _version(found: Contents) -> str:

@@ -51,7 +51,7 @@ class Together:
             remedy: the command that cures statistics; are_all_read: no row is missing in what was taken.
         """
         dataset = self._contents.dataset
-        if self._contents.has_messages:
+        if self._contents.has_messages or self._contents.is_empty:
             return
         record, problems = statistics.read(self._contents)
         yield from problems

@@ -183,12 +183,16 @@ class Problem:
         """Episodes without which the problem would be gone; empty if it is one of the whole data set."""
         return frozenset(self.episodes) | ({self.episode} if self.episode >= 0 else set())
 
-    def __str__(self) -> str:
-        where = f"episode {self.episode}: " if self.episode >= 0 else ""
+    @property
+    def sentence(self) -> str:
+        """Where it is, and what was found, without the remedy."""
         if self.episodes:
-            where = f"episodes {spelled(self.episodes)}: "
+            return f"episodes {spelled(self.episodes)}: {self.text}"
+        return f"episode {self.episode}: {self.text}" if self.episode >= 0 else self.text
+
+    def __str__(self) -> str:
         then = f". Run `{shlex.join(self.remedy)}`" if self.remedy else ""
-        return f"{'error' if self.serious else 'warning'}: {where}{self.text}{then}"
+        return f"{'error' if self.serious else 'warning'}: {self.sentence}{then}"
 
 
 def of_episodes(problem: Problem, indices: Iterable[int]) -> Problem:

@@ -80,7 +80,7 @@ class Rows:
 def read(contents: Contents) -> Rows:
     """Read the index columns of all tables of frames."""
     found = Rows()
-    if contents.has_messages:
+    if contents.has_messages or contents.is_empty:
         return found
     try:
         paths = tables(contents.folder, Path("data"), contents.suffix)

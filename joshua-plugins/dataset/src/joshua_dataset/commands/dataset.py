@@ -274,6 +274,8 @@ def _build(sources: Any, target: Path, arguments: argparse.Namespace) -> int:
     from joshua_dataset.transform import build
 
     with _workers(arguments) as workers, _progress() as progress:
+        for source in sources:
+            _require_fit(source, workers)
         count = build(
             sources,
             target,
@@ -285,6 +287,22 @@ def _build(sources: Any, target: Path, arguments: argparse.Namespace) -> int:
         )
     sys.stdout.write(f"{target}: {count} episodes\n")
     return 0
+
+
+def _require_fit(source: Any, workers: Executor) -> None:
+    """Refuse a source in which a check finds errors; say what it warns of. Raises EpisodeError."""
+    from joshua_dataset.fitness import require_fit
+    from joshua_dataset.reader import Dataset
+
+    left_out: set[int] = set()
+    if source.episodes is not None:
+        left_out = set(range(Dataset.read(source.folder).episodes)) - set(source.episodes)
+    warnings = require_fit(source.folder, "used", left_out=left_out, workers=workers)
+    if warnings:
+        sys.stderr.write(
+            f"{source.folder} has {len(warnings)} warnings, the first: {warnings[0].sentence}. "
+            f"`joshua dataset check {source.folder}` names all\n"
+        )
 
 
 def _delete(arguments: argparse.Namespace) -> int:
