@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 
@@ -12,7 +13,9 @@ from joshua_dataset.checking import check
 from joshua_dataset.metadata import EPISODES_STATS, STATS
 from joshua_dataset.reader import Dataset, DatasetError
 from joshua_dataset.recomputing import recompute, recomputed
+from joshua_dataset.writer import LeRobotWriter
 from lerobot_sets import V21, V30
+from small_dataset import frame, layout
 
 
 @pytest.mark.parametrize("version", [V30, V21])
@@ -58,9 +61,22 @@ def test_no_statistic_is_written_that_is_not_a_number(tmp_path: Path, version: s
     assert path.read_bytes() == before
 
 
-def test_json_of_the_statistics_is_json(tmp_path: Path) -> None:
-    def refused(text: str) -> float:
-        raise AssertionError(f"{text} is no JSON")
+def refused(text: str) -> float:
+    raise AssertionError(f"{text} is no JSON")
 
+
+def test_json_of_the_statistics_is_json(tmp_path: Path) -> None:
     lerobot_sets.make(tmp_path, V30)
     json.loads((tmp_path / STATS).read_text(), parse_constant=refused)
+
+
+def test_a_recorded_value_that_is_no_number_is_null_in_the_statistics(tmp_path: Path) -> None:
+    with contextlib.closing(LeRobotWriter(layout(tmp_path))) as writer:
+        writer.open()
+        for number in range(3):
+            changes = {"action": [0.5, float("nan")]} if number == 1 else {}
+            writer.add_frame(frame(number, 1000 + number, changes))
+        writer.end_episode("wave")
+    stored = json.loads((tmp_path / STATS).read_text(), parse_constant=refused)
+    assert stored["action"]["max"] == [2.5, None]
+    assert any("action" in problem.text for problem in check(tmp_path, workers=1) if problem.serious)

@@ -20,6 +20,7 @@ from joshua.features import DatasetLayout, EpisodeError, Feature, FeatureSet, Fr
 from joshua_dataset import statistics
 from joshua_dataset.checking import check
 from joshua_dataset.commands import dataset as command
+from joshua_dataset.commands import options
 from joshua_dataset.metadata import INFO, STATS
 from joshua_dataset.reader import Dataset, DatasetError
 from joshua_dataset.recomputing import recomputed
@@ -367,7 +368,7 @@ def test_malformed_files_give_an_error_and_nothing_else(tmp_path: Path, seed: in
 
 @pytest.mark.parametrize(("text", "expected"), [("3", (3,)), ("0-2,5", (0, 1, 2, 5))])
 def test_lists_of_episodes(text: str, expected: tuple[int, ...]) -> None:
-    assert command.numbers(text) == expected
+    assert options.numbers(text) == expected
 
 
 def test_statistics_without_quantiles_are_merged() -> None:

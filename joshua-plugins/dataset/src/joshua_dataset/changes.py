@@ -14,6 +14,7 @@ import errno
 import json
 import os
 import shutil
+import time
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
@@ -143,11 +144,23 @@ class Change:
         """Remove the data set in ``made``, which is not put into place."""
         shutil.rmtree(self.made)
 
-    def retire_all(self) -> None:
-        """Remove the data set, and no file of others in its folder, before files are put into place."""
-        paths = own_files(self._folder)
-        for path in sorted(paths, key=lambda path: path != self._folder / INFO):  # it counts the others
-            self.retire(path)
+    def retire_all(self, aside: Path | None = None, *, without: Collection[str] = ()) -> None:
+        """Remove the data set, and no file of others in its folder, before files are put into place.
+
+        Args:
+            aside: folder in that of what was moved aside, to which the files are moved; None to remove them.
+            without: files that stay, by their path in the data set.
+        """
+        for path in sorted(
+            own_files(self._folder), key=lambda path: path != self._folder / INFO
+        ):  # it counts the others
+            name = path.relative_to(self._folder)
+            if name.as_posix() in without:
+                continue
+            if aside is None:
+                self.retire(path)
+            else:
+                self._moves.append((_Kind.CLEAR, name_inside(self._folder, path), aside / name))
 
     def retire(self, path: Path) -> None:
         """Remove a file or folder of the data set, before files are put into place."""
@@ -158,15 +171,6 @@ class Change:
         if os.path.lexists(name_inside(self._folder, path)):
             target = free_name(aside_folder(self._folder), f"uncounted-{len(self._moves)}-{path.name}")
             self._moves.append((_Kind.CLEAR, path, target))
-
-    def replace_aside(self, path: Path, place: Path) -> None:
-        """Move a file or folder of the data set to where nothing is removed, before files are put into place.
-
-        Args:
-            place: folder in that of what was moved aside, in which it keeps its path.
-        """
-        source = name_inside(self._folder, path)
-        self._moves.append((_Kind.CLEAR, source, place / source.relative_to(self._folder)))
 
     def drop(self, path: Path) -> None:
         """Remove a folder of the private folder after files of it were put into place."""
@@ -278,32 +282,9 @@ def _refused(folder: Path, error: OSError, *, is_decided: bool) -> EpisodeError:
     return EpisodeError(f"{folder} cannot be written: {cause(error)}. {state}. {remedy_first(error, then)}")
 
 
-class Watch:
-    """Finds out whether another command changed an episode while it was read."""
-
-    def __init__(self) -> None:
-        self._before: dict[Path, tuple[int, int, int]] = {}
-
-    def add(self, path: Path) -> None:
-        """Watch a file. Raises OSError."""
-        self._before[path] = self._state(path)
-
-    def check(self) -> None:
-        """Raise EpisodeError if a file is another one."""
-        for path, before in self._before.items():
-            try:
-                now = self._state(path)
-            except FileNotFoundError:
-                now = (0, 0, 0)
-            if now != before:
-                raise EpisodeError(
-                    f"{path} was changed by another command meanwhile. Run the same command again"
-                )
-
-    @staticmethod
-    def _state(path: Path) -> tuple[int, int, int]:
-        found = path.stat()
-        return found.st_ino, found.st_size, found.st_mtime_ns
+def aside_name(command: str) -> str:
+    """Return the name of the folder of the files as they were before a command."""
+    return f"before-{command}-{time.strftime('%Y%m%d-%H%M%S')}"
 
 
 def own_files(folder: Path) -> list[Path]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from joshua.api.files import free_name, is_system_error
 from joshua.features import EpisodeError, Feature
 from joshua_jobs.executor import Executor
 
-from joshua_dataset.changes import Change, own_files
+from joshua_dataset.changes import Change, aside_name
 from joshua_dataset.checking import Looked, check
 from joshua_dataset.checks.problem import Kind, Problem
 from joshua_dataset.files import Files, aside_folder
@@ -24,7 +23,6 @@ from joshua_dataset.mending.evidence import Evidence
 from joshua_dataset.mending.footage import Video
 from joshua_dataset.mending.planning import Plan, plan
 from joshua_dataset.mending.rebuilding import Rebuilding
-from joshua_dataset.metadata import INFO
 from joshua_dataset.pictures import ERRORS
 from joshua_dataset.reader import Dataset, DatasetError
 from joshua_dataset.transform import copied_messages
@@ -144,7 +142,7 @@ class _Mending:
             if dataset.format != "mcap":
                 return None
             damage = damage_of(list(check(self._folder, workers=self._workers)))
-            torn = {problem.episode for problem in damage}
+            torn = {number for problem in damage for number in problem.concerned}
             kept = [episode.index for episode in dataset.episode_list() if episode.index not in torn]
             if not kept:
                 raise self._hopeless([str(problem) for problem in damage])
@@ -215,11 +213,12 @@ class _Mending:
 
     def _refuse(self, found: Plan, left: Sequence[Problem]) -> None:
         """Leave the episodes out in which damage is left. Raises EpisodeError if it is not in episodes."""
-        damaged = [problem for problem in left if 0 <= problem.episode < len(found.parts)]
+        damaged = {number: problem.text for problem in left for number in problem.concerned}
         if not damaged:
             raise self._hopeless([str(problem) for problem in left])
-        for problem in damaged:
-            self._refused.setdefault(found.parts[problem.episode].run.number, problem.text)
+        for number, text in damaged.items():
+            if number < len(found.parts):
+                self._refused.setdefault(found.parts[number].run.number, text)
 
     def _commit(
         self,
@@ -230,12 +229,8 @@ class _Mending:
         unchanged: set[str],
     ) -> Mended:
         """Let the result take the place of the data set, whose other files are moved aside."""
-        name = f"before-repair-{time.strftime('%Y%m%d-%H%M%S')}"
-        place = free_name(aside_folder(self._folder), name)
-        paths = own_files(self._folder)
-        for path in sorted(paths, key=lambda path: path != self._folder / INFO):  # it counts the others
-            if path.relative_to(self._folder).as_posix() not in unchanged:
-                self._change.replace_aside(path, place)
+        place = free_name(aside_folder(self._folder), aside_name("repair"))
+        self._change.retire_all(place, without=unchanged)
         self._change.put_made(without=unchanged)
         self._change.commit()
         return Mended(made.episodes, made.frames, place, cut, aside, notes, self._left, self._looked)
