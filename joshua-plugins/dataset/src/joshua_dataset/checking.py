@@ -78,7 +78,7 @@ def check(
     is_sound = True
     for problem in _of_files(there, of_rows, of_videos, recorded_hz):
         # statistics of rows that a repair changes would have to be computed again
-        is_sound = is_sound and (not problem.serious or problem.kind.value.startswith(_NOT_OF_ROWS))
+        is_sound = is_sound and not (problem.serious and _is_of_rows(problem.kind))
         yield problem
     if pictures and videos:
         files = [(folder, file, recorded_hz) for file in _to_demux(of_videos, recorded_hz)]
@@ -92,6 +92,11 @@ def check(
         _look(looked, done)
         together.add(done)
     yield from together.problems(remedy, are_all_read=of_rows.are_all_read and there.has_all_rows)
+
+
+def _is_of_rows(kind: Kind) -> bool:
+    """Return whether the repair of a problem changes rows, or how they are read."""
+    return kind is Kind.INFO_FEATURE or not kind.value.startswith(_NOT_OF_ROWS)
 
 
 def _of_files(there: Contents, of_rows: Rows, of_videos: Videos, recorded_hz: float) -> Iterator[Problem]:
