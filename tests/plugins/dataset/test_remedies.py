@@ -16,10 +16,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from damaged_sets import CASES
-from joshua.features import DatasetLayout, Feature, FeatureSet, Frame
+from joshua.features import DatasetLayout, EpisodeError, Feature, FeatureSet, Frame
 from joshua_dataset.checking import check
 from joshua_dataset.checks.problem import TARGET, Kind, Problem
 from joshua_dataset.commands import dataset as command
+from joshua_dataset.repair import repair
 from joshua_dataset.writer import LeRobotWriter
 from lerobot_sets import V21, V30
 
@@ -32,8 +33,7 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {version: folder / version for version in (V30, V21)}
 
 
-#: Damage for which ``check`` names a repair that then says that nothing can be mended: nothing is left to
-#: make a data set of.
+#: Damage that leaves nothing to make a data set of: no remedy may be printed.
 HOPELESS = {
     *((V30, name) for name in ("rows torn", "rows empty", "rows missing", "state dropped")),
     *((V30, name) for name in ("video empty", "video missing")),
@@ -58,6 +58,18 @@ def cured(folder: Path, words: tuple[str, ...]) -> Path:
 
 def kinds(problems: list[Problem]) -> set[tuple[Kind, int, str]]:
     return {(problem.kind, problem.episode, problem.text) for problem in problems}
+
+
+@pytest.mark.parametrize(("version", "name"), sorted(HOPELESS))
+def test_no_remedy_is_printed_where_nothing_is_left(
+    originals: dict[str, Path], tmp_path: Path, version: str, name: str
+) -> None:
+    folder = damaged_sets.damaged(originals[version], tmp_path / "set", version, name)
+    problems = list(check(folder, workers=1))
+    assert any(problem.serious for problem in problems)
+    assert not [str(problem) for problem in problems if problem.remedy is not None]
+    with pytest.raises(EpisodeError, match=r"othing was changed"):
+        repair(folder)
 
 
 @pytest.mark.parametrize(("version", "name"), [case for case in CASES if case not in HOPELESS])
