@@ -7,7 +7,6 @@ see ``killed_steps``.
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import os
 import sys
@@ -19,8 +18,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NoReturn
 
-import pyarrow as pa
-import pyarrow.parquet as pq
+from damaged_recording import damage, digests
 from joshua_dataset import mp4
 from joshua_dataset.bag import messages
 from joshua_dataset.changes import is_interrupted
@@ -35,7 +33,6 @@ from joshua_dataset.repair import is_unfinished, repair
 from joshua_dataset.transform import Source, build, delete
 from joshua_dataset.writer import DatasetWriter, LeRobotWriter, ParquetWriter
 from killed_steps import kill_at_each_step
-from lerobot_sets import encode
 from small_dataset import TOP, frame, layout
 
 #: Frames of an unfinished episode, and those that are in whole fragments or batches of its files.
@@ -337,9 +334,9 @@ class Mend(Operation):
 
     def base(self, place: Path) -> None:
         write(place / "set")
-        _damage(place / "set")
+        damage(place / "set")
         # in a file, because another process looks at it
-        (place / "before.json").write_text(json.dumps(_digests(place / "set")))
+        (place / "before.json").write_text(json.dumps(digests(place / "set")))
 
     def prepare(self, place: Path) -> Callable[[], object]:
         return lambda: repair(place / "set")
@@ -348,7 +345,7 @@ class Mend(Operation):
         for name in FOREIGN:
             assert (place / "set" / name).read_text() == "of a user", name
         before = json.loads((place / "before.json").read_text())
-        assert set(before.values()) <= set(_digests(place / "set").values()), "a damaged file is lost"
+        assert set(before.values()) <= set(digests(place / "set").values()), "a damaged file is lost"
 
     def again(self, place: Path) -> None:
         assert repair(place / "set").is_complete
@@ -357,31 +354,6 @@ class Mend(Operation):
         self.between(place)
         assert content(place / "set") == [*expected(3), ([0.5], 1)]
         assert repair(place / "set").is_complete
-
-
-def _damage(folder: Path) -> None:
-    """Put a value that is no number into an episode, time the video of another one anew, drop statistics."""
-    path = folder / "data/chunk-000/file-001.parquet"
-    table = pq.read_table(path)
-    kind = table.schema.field("action").type
-    values = pa.FixedSizeListArray.from_arrays(
-        pa.array([0.5, 0.0, float("nan"), 0.0], pa.float32()), type=kind
-    )
-    pq.write_table(
-        table.set_column(table.column_names.index("action"), table.schema.field("action"), values), path
-    )
-    video = folder / f"videos/{TOP}/chunk-000/file-000.mp4"
-    encode(video, 3, rate=11)
-    (folder / "meta/stats.json").unlink()
-
-
-def _digests(folder: Path) -> dict[str, str]:
-    """Digests of the files of a data set, wherever in its folder they are."""
-    return {
-        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in folder.rglob("*")
-        if path.is_file() and path.suffix in (".parquet", ".mp4")
-    }
 
 
 OPERATIONS: dict[str, Callable[[], Operation]] = {

@@ -64,7 +64,8 @@ def with_sizes(
     for key, size in sizes.items():
         if size is None or size == features[key].shape[:2]:
             continue
-        is_channels_first = (described[key].get("names") or ["height"])[0] == "channels"
+        names = described[key].get("names")
+        is_channels_first = isinstance(names, list) and names[:1] == ["channels"]
         shape = [3, *size] if is_channels_first else [*size, 3]
         corrected[key] = described[key] | {"shape": shape}
     return corrected, FeatureSet.from_lerobot(corrected)

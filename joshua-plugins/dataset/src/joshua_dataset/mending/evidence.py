@@ -80,7 +80,8 @@ def read(folder: Path) -> Evidence:
         OSError: the system does not let a file be read.
     """
     info = _info(folder)
-    kind = info.get(OURS, {}).get("format", "lerobot") if isinstance(info.get(OURS, {}), dict) else ""
+    ours = info.get(OURS, {"format": "lerobot"})
+    kind = str(ours.get("format", "lerobot")) if isinstance(ours, dict) else ""
     suffix = SUFFIXES.get(kind, "")
     if not suffix:
         raise EpisodeError(
