@@ -244,6 +244,11 @@ DAMAGES: dict[str, Damage] = {
         lambda value: value["features"].update(force=value["features"]["action"])
     ),
     "size of the pictures": feature(TOP, shape=[48, 64, 3]),
+    "facts of the videos": info(
+        lambda value: value["features"][TOP]["info"].update(
+            {"video.fps": 3, "video.codec": "vp9", "video.is_depth_map": True, "has_audio": True}
+        )
+    ),
     "info torn": file(lambda version: "meta/info.json", cut(0.5)),
     "tasks missing": file(tasks_path, lambda content: None),
     "tasks torn": file(tasks_path, cut(0.5)),

@@ -15,7 +15,6 @@ from joshua_dataset import metadata
 from joshua_dataset.mending.evidence import Evidence
 from joshua_dataset.mending.footage import Video
 from joshua_dataset.metadata import INDEX_COLUMNS, INFO, OURS, STAMP, is_list
-from joshua_dataset.pictures import PIXEL_FORMAT
 
 _V2_DATA_PATH = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
 _V2_VIDEO_PATH = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4"
@@ -157,12 +156,16 @@ def info_of(
         entry = "video_info" if "video_info" in features[key] else "info"
         known = features[key].get(entry)
         if not isinstance(known, dict):
-            known = {"video.pix_fmt": PIXEL_FORMAT, "video.is_depth_map": False, "has_audio": False}
+            known = {}
         height, width = _height_width(features[key])
         seen: dict[str, Any] = {"video.fps": fps, "video.height": height, "video.width": width}
-        codecs = {video.codec for video in found if video.codec}
-        if len(codecs) == 1:
-            seen["video.codec"] = codecs.pop()
+        seen |= {"video.channels": 3, "video.is_depth_map": False}
+        facts: dict[str, set[Any]] = {
+            "video.codec": {video.codec for video in found} - {""},
+            "video.pix_fmt": {video.pixel_format for video in found} - {""},
+            "has_audio": {video.has_audio for video in found},
+        }
+        seen |= {name: next(iter(values)) for name, values in facts.items() if len(values) == 1}
         features[key][entry] = known | seen
     info |= {
         "codebase_version": evidence.version,

@@ -33,7 +33,8 @@ class Video:
         path: of the file; number: in its name.
         declared: pictures that it should have; whole: pictures that can be decoded, from the first one on.
         rate_hz: of its pictures; None if they are not evenly spaced from the time 0 on.
-        codec: as ``info.json`` names it, "" for none; why: what is wrong with it, "" for nothing.
+        codec, pixel_format: as ``info.json`` names them, "" for none; has_audio: it has sound, too.
+        why: what is wrong with it, "" for nothing.
     """
 
     path: Path
@@ -42,6 +43,8 @@ class Video:
     whole: int
     rate_hz: Fraction | None
     codec: str
+    pixel_format: str
+    has_audio: bool
     why: str
 
     def is_as_described(self, fps: int) -> bool:
@@ -115,7 +118,8 @@ def look(path: Path, number: int, height: int, width: int) -> Video:
 
 def _look(path: Path, number: int, height: int, width: int, *, threads: str) -> Video:
     declared = whole = 0
-    codec = ""
+    codec = pixel_format = ""
+    has_audio = False
     times: list[Fraction] = []
     average_hz: Fraction | None = None
     why = ""
@@ -124,6 +128,8 @@ def _look(path: Path, number: int, height: int, width: int, *, threads: str) -> 
             stream = source.streams.video[0]
             fits(stream, path, height, width)
             codec = str(stream.codec_context.codec.canonical_name)
+            pixel_format = str(stream.codec_context.pix_fmt or "")
+            has_audio = bool(source.streams.audio)
             declared, average_hz = int(stream.frames), stream.average_rate
             stream.thread_type = threads
             for picture in _pictures(source, stream):
@@ -140,7 +146,7 @@ def _look(path: Path, number: int, height: int, width: int, *, threads: str) -> 
     if not why and whole < declared:
         why = f"{path.name} has {whole} of {declared} pictures"
     rate_hz = average_hz if whole == 1 and times[:1] == [0] else _rate_hz(times, whole)
-    return Video(path, number, declared, whole, rate_hz, codec, why)
+    return Video(path, number, declared, whole, rate_hz, codec, pixel_format, has_audio, why)
 
 
 def _pictures(source: Any, stream: Any) -> Iterator[Any]:

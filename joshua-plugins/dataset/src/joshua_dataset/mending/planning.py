@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -138,16 +138,7 @@ def _usable(evidence: Evidence, features: FeatureSet, described: Mapping[str, An
         else:
             made.aside[rows.path.name] = "its columns have other types than those of the other tables"
     made.schema = alike[0].table.schema if alike else None
-    return Evidence(
-        evidence.folder,
-        evidence.info,
-        evidence.version,
-        evidence.suffix,
-        alike,
-        evidence.unreadable,
-        evidence.described,
-        evidence.tasks,
-    )
+    return replace(evidence, rows=alike)
 
 
 def _features_only(table: pa.Table, wanted: FeatureSet) -> pa.Table:
