@@ -19,6 +19,7 @@ from joshua.features import DatasetLayout, EpisodeError, Feature, FeatureSet, Fr
 from joshua_dataset import statistics
 from joshua_dataset.checking import check
 from joshua_dataset.commands import dataset as command
+from joshua_dataset.commands import options
 from joshua_dataset.metadata import INFO, STATS
 from joshua_dataset.reader import Dataset, DatasetError
 from joshua_dataset.recomputing import recomputed
@@ -200,7 +201,7 @@ def test_statistics_are_computed_from_the_data(tmp_path: Path, capsys: pytest.Ca
     rewrite(tmp_path / STATS, lambda stats: stats | {"action": stats["action"] | {"max": [9.0, 9.0]}})
     arguments = ["stats", str(tmp_path), "--write", "--workers", "1"]
     assert run(*arguments) == 0
-    assert f"{tmp_path / STATS} is replaced" in capsys.readouterr().out
+    assert f"the statistics of 2 episodes are replaced: {tmp_path / STATS}\n" in capsys.readouterr().out
     assert problems(tmp_path) == []
 
 
@@ -337,7 +338,7 @@ def test_malformed_files_give_an_error_and_nothing_else(tmp_path: Path, seed: in
 
 @pytest.mark.parametrize(("text", "expected"), [("3", (3,)), ("0-2,5", (0, 1, 2, 5))])
 def test_lists_of_episodes(text: str, expected: tuple[int, ...]) -> None:
-    assert command.numbers(text) == expected
+    assert options.numbers(text) == expected
 
 
 def test_statistics_without_quantiles_are_merged() -> None:

@@ -18,6 +18,7 @@ from joshua_dataset.checks import agreement, contents, episodes, info, rows, tas
 from joshua_dataset.checks import videos as headers
 from joshua_dataset.checks.contents import Contents
 from joshua_dataset.checks.data_statistics import Together
+from joshua_dataset.checks.hopeless import is_hopeless
 from joshua_dataset.checks.one_episode import Found, Job, check_episode
 from joshua_dataset.checks.problem import Kind, Problem, computing, repairing
 from joshua_dataset.checks.rows import Rows
@@ -75,23 +76,35 @@ def check(
     of_videos = headers.read(there) if videos else Videos()
     recorded_hz = times.rate_hz(there, of_rows, of_videos)
     looked.rows, looked.videos = of_rows.count, sum(file.is_open for file in of_videos.files)
+    has_remedy = not is_hopeless(there, of_rows, of_videos)
+
+    def told(problem: Problem) -> Problem:
+        is_curable = has_remedy or problem.kind is Kind.UNFINISHED
+        return problem if is_curable else replace(problem, remedy=None)
+
     is_sound = True
     for problem in _of_files(there, of_rows, of_videos, recorded_hz):
         # statistics of rows that a repair changes would have to be computed again
-        is_sound = is_sound and (not problem.serious or problem.kind.value.startswith(_NOT_OF_ROWS))
-        yield problem
+        is_sound = is_sound and not (problem.serious and _is_of_rows(problem.kind))
+        yield told(problem)
     if pictures and videos:
         files = [(folder, file, recorded_hz) for file in _to_demux(of_videos, recorded_hz)]
         for found in in_order(headers.moments, files, workers):
-            yield from found
+            yield from map(told, found)
     together = Together(there)
     remedy = computing(folder) if is_sound else repairing(folder)
     jobs = _jobs(there, of_rows, of_videos, recorded_hz, remedy, pictures=pictures and videos)
     for done in in_order(check_episode, jobs, workers):
-        yield from done.problems
+        yield from map(told, done.problems)
         _look(looked, done)
         together.add(done)
-    yield from together.problems(remedy, are_all_read=of_rows.are_all_read and there.has_all_rows)
+    of_all = together.problems(remedy, are_all_read=of_rows.are_all_read and there.has_all_rows)
+    yield from map(told, of_all)
+
+
+def _is_of_rows(kind: Kind) -> bool:
+    """Return whether the repair of a problem changes rows, or how they are read."""
+    return kind is Kind.INFO_FEATURE or not kind.value.startswith(_NOT_OF_ROWS)
 
 
 def _of_files(there: Contents, of_rows: Rows, of_videos: Videos, recorded_hz: float) -> Iterator[Problem]:

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 from joshua.api.files import file_inside
 from joshua.tools import parse_json
 
-from joshua_dataset.decoding import DatasetError
+from joshua_dataset.decoding import DatasetError, unreadable
 from joshua_dataset.lock import PRIVATE
 from joshua_dataset.metadata import INFO, TASKS
 
@@ -41,7 +41,7 @@ def read_tasks(folder: Path, version: str) -> list[tuple[Any, Any]]:
         except FileNotFoundError:
             return []
         except (OSError, pa.ArrowException) as error:
-            raise DatasetError(f"{path} cannot be read: {error}") from error
+            raise unreadable(path, error) from error
         names: list[Any] = next((values for name, values in columns.items() if name != "task_index"), [])
         return list(zip(columns["task_index"], names, strict=True))
     rows = read_lines(folder, folder / "meta" / "tasks.jsonl", True)
@@ -63,7 +63,7 @@ def read_json(folder: Path, name: Path) -> Any:
             ) from error
         raise DatasetError(f"{folder} is not a data set: it has no {path.relative_to(folder)}") from error
     except (OSError, ValueError) as error:
-        raise DatasetError(f"{path} cannot be read: {error}") from error
+        raise unreadable(path, error) from error
 
 
 def read_lines(folder: Path, path: Path, needed: bool) -> Iterator[dict[str, Any]]:
@@ -80,4 +80,4 @@ def read_lines(folder: Path, path: Path, needed: bool) -> Iterator[dict[str, Any
         if needed:
             raise DatasetError(f"{path} is missing") from error
     except (OSError, ValueError, TypeError) as error:
-        raise DatasetError(f"{path} cannot be read: {error}") from error
+        raise unreadable(path, error) from error

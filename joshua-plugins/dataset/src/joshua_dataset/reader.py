@@ -5,7 +5,6 @@ Data sets are not trusted: paths stay inside its folder, sizes are checked befor
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,13 +18,23 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 from joshua.api.files import UnsafePathError, file_inside, filled, inside
 from joshua.features import FeatureSet
+from joshua.tools import parse_json
 
 from joshua_dataset import statistics
 from joshua_dataset.decoding import DatasetError as DatasetError
-from joshua_dataset.decoding import Pictures, pictures_of_video
+from joshua_dataset.decoding import Pictures, pictures_of_video, unreadable
 from joshua_dataset.decoding import picture_of as picture_of
 from joshua_dataset.meta_files import read_info, read_json, read_lines, read_tasks
-from joshua_dataset.metadata import INDEX_COLUMNS, INFO, MESSAGES, OURS, STATS, array_of, is_list
+from joshua_dataset.metadata import (
+    EPISODES_STATS,
+    INDEX_COLUMNS,
+    INFO,
+    MESSAGES,
+    OURS,
+    STATS,
+    array_of,
+    is_list,
+)
 from joshua_dataset.statistics import Statistics
 
 #: Most rows of a table that is read: a compressed one can hold any number.
@@ -172,13 +181,16 @@ class Dataset:
                 found[key] = statistics.merged([found[key], part]) if key in found else part
         return found
 
-    def episode_list(self, wanted: set[int] | None = None) -> Iterator[Episode]:
+    def episode_list(
+        self, wanted: set[int] | None = None, *, with_statistics: bool = True
+    ) -> Iterator[Episode]:
         """Yield the episodes that the data set counts, in order. Raises DatasetError.
 
         Args:
             wanted: their indices; None for all.
+            with_statistics: read their statistics, too, which must be readable then.
         """
-        rows = self._rows_v3() if self.version == "v3.0" else self._rows_v2()
+        rows = self._rows_v3() if self.version == "v3.0" else self._rows_v2(with_statistics)
         for row in rows:
             try:
                 index = int(row["episode_index"])
@@ -260,7 +272,7 @@ class Dataset:
                     path = file_inside(self.folder, where.path / f"frame-{number:06d}{suffix}", "the picture")
                     yield picture_of(path.read_bytes(), path, height, width)
         except (OSError, av.FFmpegError, TypeError, KeyError, ValueError) as error:
-            raise DatasetError(f"{where.path}: {error}") from error
+            raise unreadable(where.path, error) from error
 
     def _kind(self, key: str) -> str:
         """Return how the pictures of a feature are stored; LeRobot decides this for each camera."""
@@ -276,7 +288,7 @@ class Dataset:
                 table = pa_csv.read_csv(path)
             elif path.suffix == ".jsonl":
                 with path.open(encoding="utf-8") as file:
-                    table = pa.Table.from_pylist([json.loads(line) for line in file])
+                    table = pa.Table.from_pylist([parse_json(line) for line in file])
             else:
                 rows = pq.read_metadata(path).num_rows
                 if rows > MOST_ROWS:
@@ -286,7 +298,7 @@ class Dataset:
                 raise DatasetError(f"{path} lacks the column episode_index")
             return table
         except (OSError, ValueError, TypeError, pa.ArrowException) as error:
-            raise DatasetError(f"{path} cannot be read: {error}") from error
+            raise unreadable(path, error) from error
 
     def _gathered(self, columns: Mapping[str, Any]) -> dict[str, Any]:
         """Gather the columns of a CSV table, each vector in one column."""
@@ -307,21 +319,19 @@ class Dataset:
                 for path in sorted(inside(self.folder, chunk).glob("file-*.parquet"))
             ]
         except OSError as error:
-            raise DatasetError(f"{folder} cannot be read: {error}") from error
+            raise unreadable(folder, error) from error
         for path in paths:
             try:
                 with pq.ParquetFile(path) as file:
                     for batch in file.iter_batches(batch_size=64):
                         yield from batch.to_pylist()
             except (OSError, pa.ArrowException) as error:
-                raise DatasetError(f"{path} cannot be read: {error}") from error
+                raise unreadable(path, error) from error
 
-    def _rows_v2(self) -> Iterator[dict[str, Any]]:
+    def _rows_v2(self, with_statistics: bool) -> Iterator[dict[str, Any]]:
         meta = self.folder / "meta"
-        found = {
-            int(r["episode_index"]): r.get("stats", {})
-            for r in read_lines(self.folder, meta / "episodes_stats.jsonl", False)
-        }
+        stored = read_lines(self.folder, self.folder / EPISODES_STATS, False) if with_statistics else ()
+        found = {int(r["episode_index"]): r.get("stats", {}) for r in stored}
         for row in read_lines(self.folder, meta / "episodes.jsonl", True):
             yield row | {"stats": found.get(int(row["episode_index"]), {})}
 

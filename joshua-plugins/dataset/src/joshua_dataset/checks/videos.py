@@ -219,9 +219,9 @@ def _length(contents: Contents, file: VideoFile, fps: float) -> Iterator[Problem
             there = max(0, use.length - (end - file.frames))
             text = f"{file.key}: {there} pictures, and {use.length} are described ({name})"
             yield Problem(Kind.VIDEO_SHORT, text, use.episode, remedy=remedy)
-    needed = sum(use.length for use in file.uses)
-    if contents.has_all_rows and file.frames > needed:
-        text = f"{name} has {file.frames} pictures, and its episodes have {needed} frames"
+    ends = [round((use.from_s - file.begin_s) * fps) + use.length for use in file.uses]
+    if contents.has_all_rows and ends and file.frames > max(ends):
+        text = f"{name} has {file.frames} pictures, and its episodes end after {max(ends)}"
         yield Problem(Kind.VIDEO_LONG, text, serious=False, remedy=remedy)
 
 
@@ -246,11 +246,12 @@ def _uses_agree(contents: Contents, file: VideoFile, fps: float) -> Iterator[Pro
 
 
 def _follow(contents: Contents, file: VideoFile, uses: Sequence[Use], fps: float) -> Iterator[Problem]:
+    # pictures between two episodes are not used, and no command takes them out of a video
     remedy, half_s = repairing(contents.folder), 0.5 / fps
     name = contents.name(file.path)
     if uses and abs(uses[0].from_s - file.begin_s) > half_s:
         text = f"{name} begins at {file.begin_s:.4f} s, and its first episode at {uses[0].from_s:.4f} s"
-        yield Problem(Kind.EPISODE_VIDEO, text, uses[0].episode, serious=False, remedy=remedy)
+        yield Problem(Kind.EPISODE_VIDEO, text, uses[0].episode, serious=False)
     for before, after in pairwise(uses):
         end_s = before.from_s + before.length / fps
         if after.from_s < end_s - half_s:
@@ -258,7 +259,7 @@ def _follow(contents: Contents, file: VideoFile, uses: Sequence[Use], fps: float
             yield Problem(Kind.EPISODE_VIDEO, text, after.episode, remedy=remedy)
         elif after.from_s > end_s + half_s and contents.has_all_rows:
             text = f"{name}: {after.from_s - end_s:.4f} s before it belong to no episode"
-            yield Problem(Kind.EPISODE_VIDEO, text, after.episode, serious=False, remedy=remedy)
+            yield Problem(Kind.EPISODE_VIDEO, text, after.episode, serious=False)
 
 
 def moments(item: tuple[Path, VideoFile, float]) -> list[Problem]:
