@@ -7,7 +7,6 @@ import hashlib
 import json
 import random
 import re
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,7 @@ from joshua_dataset.reader import Dataset, DatasetError
 from joshua_dataset.recomputing import recomputed
 from joshua_dataset.transform import Source, build, delete
 from joshua_dataset.writer import LeRobotWriter
-from small_dataset import TOP, write
+from small_dataset import TOP, as_v21, write
 
 FPS = 20
 JOINTS = ("pan", "lift")
@@ -280,35 +279,6 @@ def test_data_sets_that_do_not_match_are_not_merged(tmp_path: Path) -> None:
     assert not (tmp_path / "both").exists()
     with pytest.raises(EpisodeError, match="is not empty"):
         build([Source(tmp_path / "a")], tmp_path / "b", workers=1)
-
-
-def as_v21(folder: Path) -> None:
-    """Turns a data set into LeRobot's layout v2.1."""
-    found = Dataset.read(folder)
-    rows = list(found.episode_list())
-    info = json.loads((folder / INFO).read_text())
-    info |= {
-        "codebase_version": "v2.1",
-        "data_path": "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
-        "video_path": "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4",
-    }
-    del info["joshua"]
-    for row in rows:
-        row.table.rename(row.table.with_name(f"episode_{row.index:06d}.parquet"))
-        target = folder / f"videos/chunk-000/{TOP}/episode_{row.index:06d}.mp4"
-        target.parent.mkdir(parents=True, exist_ok=True)
-        row.pictures[TOP].path.rename(target)
-    shutil.rmtree(folder / "meta/episodes")
-    (folder / "meta/tasks.parquet").unlink()
-    lines = {
-        "episodes": [{"episode_index": r.index, "tasks": list(r.tasks), "length": r.length} for r in rows],
-        "tasks": [{"task_index": i, "task": task} for i, task in enumerate(found.tasks)],
-        "episodes_stats": [{"episode_index": r.index, "stats": dict(r.statistics)} for r in rows],
-    }
-    for name, records in lines.items():
-        text = "".join(json.dumps(record) + "\n" for record in records)
-        (folder / f"meta/{name}.jsonl").write_text(text)
-    (folder / INFO).write_text(json.dumps(info))
 
 
 def test_v21_is_read_and_converted(tmp_path: Path) -> None:

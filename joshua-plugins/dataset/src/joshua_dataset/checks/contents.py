@@ -87,6 +87,13 @@ class Contents:
         """Whether the data set contains messages in the place of frames."""
         return self.dataset is not None and self.dataset.pictures == MESSAGES
 
+    @property
+    def features(self) -> dict[str, Mapping[str, Any]]:
+        """What ``info`` says of each feature, empty where that is no object."""
+        features = self.info.get("features")
+        items = features.items() if isinstance(features, Mapping) else ()
+        return {str(key): value if isinstance(value, Mapping) else {} for key, value in items}
+
     def name(self, path: Path) -> str:
         """Return the path of a file in the data set, for messages."""
         return path.relative_to(self.folder).as_posix() if path.is_relative_to(self.folder) else str(path)

@@ -97,6 +97,7 @@ def _merged(parts: list[dict[str, FloatArray]]) -> dict[str, FloatArray]:
     counts = np.array([part["count"][0] for part in parts])
     if (counts <= 0).any():
         return found
+    found["count"] = np.array([counts.sum()])
     share = (counts / counts.sum()).reshape(-1, 1, 1, 1)
     for name in sorted(common - {"count", "std"}):
         stacked = np.stack([part[name] for part in parts])

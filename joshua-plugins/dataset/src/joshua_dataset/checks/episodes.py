@@ -53,8 +53,7 @@ def video_columns(contents: Contents) -> dict[str, tuple[str, ...]]:
 
 
 def _is_stored_apart(contents: Contents, key: str) -> bool:
-    described = contents.info["features"][key]
-    return "joshua" in contents.info or described.get("dtype") == "video"
+    return "joshua" in contents.info or contents.features[key].get("dtype") == "video"
 
 
 def _columns(contents: Contents) -> Iterator[Problem]:

@@ -74,7 +74,7 @@ def _fields(contents: Contents) -> Iterator[Problem]:
     robot = info.get("robot_type")
     if robot is not None and not isinstance(robot, str):
         yield _wrong(Kind.INFO_FIELD, f"robot_type is {shown(robot)}; it must be text")
-    if "total_tasks" not in info:
+    if info.get("total_tasks") is None:
         yield _wrong(Kind.INFO_FIELD, "total_tasks is missing: LeRobot needs it to append", serious=False)
     if contents.is_v3 and "chunks_size" not in info:
         yield _wrong(Kind.INFO_FIELD, "chunks_size is missing: LeRobot needs it to append", serious=False)
@@ -97,7 +97,7 @@ def _is_rate(value: Any) -> bool:
 def _totals_of_v2(contents: Contents) -> Iterator[Problem]:
     info, dataset = contents.info, contents.dataset
     assert dataset is not None
-    cameras = sum(described.get("dtype") == "video" for described in info["features"].values())
+    cameras = sum(described.get("dtype") == "video" for described in contents.features.values())
     size = info.get("chunks_size")
     expected = {"total_videos": cameras * dataset.episodes}
     if is_whole(size) and size:
@@ -163,6 +163,8 @@ def _feature(contents: Contents, key: str, described: Any) -> Iterator[Problem]:
         yield from _camera(contents, key, described)
         return
     known = _flat(names)
+    if not isinstance(described.get("unit") or "", str):
+        yield _wrong(Kind.INFO_FEATURE, f"{where} has the unit {shown(described['unit'])}; it must be text")
     if known is None:
         yield _wrong(Kind.INFO_FEATURE, f"{where} has the names {shown(names)}; they must be texts")
     elif known and len(shape) == 1 and len(known) != shape[0]:
@@ -241,6 +243,19 @@ def _ours(contents: Contents) -> Iterator[Problem]:
     told = contents.info.get(OURS)
     if told is None or contents.dataset is None:
         return
+    kinds = {"identity": Mapping, "counters": list, "codec": str, "topics": Mapping}
+    for name, kind in kinds.items():
+        if name in told and not isinstance(told[name], kind):
+            yield _wrong(Kind.INFO_FIELD, f"{OURS}.{name} is {shown(told[name])}")
+    codecs = {
+        str((described.get("info") or {}).get("video.codec") or told.get("codec"))
+        for described in contents.features.values()
+        if described.get("dtype") == "video"
+    }
+    if isinstance(told.get("codec"), str) and codecs - {told["codec"]}:
+        found = shown(sorted(codecs)[0])
+        text = f"{INFO}: {OURS}.codec is {shown(told['codec'])}, and the videos have {found}"
+        yield Problem(Kind.VIDEO_CODEC, text, serious=False, remedy=repairing(contents.folder))
     chosen = {
         "format": (contents.dataset.format, tuple(SUFFIXES)),
         "pictures": (contents.dataset.pictures, ("video", "png", "jpeg", MESSAGES)),

@@ -119,7 +119,7 @@ def _columns(contents: Contents, found: Rows, path: Path) -> Columns:
             if file.metadata.num_rows > MOST_ROWS:
                 raise ValueError(f"it has {file.metadata.num_rows} rows; at most {MOST_ROWS} are read")
             schema = file.schema_arrow
-            table = file.read([name for name in _COLUMNS if name in schema.names])
+            table = file.read([name for name in INDEX_COLUMNS if name in schema.names])
     elif path.suffix == ".csv":
         table = pa_csv.read_csv(path)
         schema = table.schema
@@ -130,7 +130,8 @@ def _columns(contents: Contents, found: Rows, path: Path) -> Columns:
     for problem in problems_of_schema(contents, path, schema):
         if problem not in found.problems:  # what is wrong with every table is said once
             found.problems.append(problem)
-    columns, problems = index_columns(contents, path, table, _COLUMNS)
+    wanted = (*_COLUMNS, STAMP) if STAMP in table.column_names else _COLUMNS  # LeRobot has none
+    columns, problems = index_columns(contents, path, table, wanted)
     found.problems += problems
     return columns
 

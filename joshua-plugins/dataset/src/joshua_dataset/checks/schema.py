@@ -22,21 +22,21 @@ def problems_of_schema(contents: Contents, path: Path, schema: pa.Schema) -> Ite
     if dataset is None or path.suffix != ".parquet":
         return
     name, remedy = contents.name(path), repairing(contents.folder)
-    features = contents.info["features"]
+    dtypes = {key: described.get("dtype") for key, described in contents.features.items()}
     stored = [
         key
         for key in (*dataset.features, *INDEX_COLUMNS)
-        if key in features and features[key].get("dtype") not in ("video", "image")
+        if key in dtypes and dtypes[key] not in ("video", "image")
     ]
-    in_tables = [key for key in dataset.features if features[key].get("dtype") == "image"]
+    in_tables = [key for key in dataset.features if dtypes[key] == "image"]
     if dataset.pictures == "table" or "joshua" not in contents.info:
         stored += in_tables
     for key in stored:
         if key not in schema.names:
             yield Problem(Kind.ROWS_COLUMN, f"{name} lacks the column {key}", remedy=remedy)
     for column in schema.names:
-        is_known = column in features and features[column].get("dtype") != "video"
-        if contents.format == "lerobot" and not is_known and column not in INDEX_COLUMNS:
+        is_known = column in dtypes and dtypes[column] != "video"
+        if contents.format == "lerobot" and not is_known:
             text = f"{name} has the column {shown(column)}, which info.json does not describe: LeRobot fails"
             yield Problem(Kind.ROWS_COLUMN, text, remedy=remedy)
     for feature in dataset.features.numbers:

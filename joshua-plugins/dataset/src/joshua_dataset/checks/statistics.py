@@ -92,9 +92,10 @@ class Judge:
             return {}, [self._problem(stored, Kind.STATISTICS_TORN, text)]
         found: dict[str, FloatArray] = {}
         faults = []
+        has_quantiles = any(values.get(name) is not None for name in QUANTILES)
         for name in (*NEEDED, "count", *QUANTILES):
             if values.get(name) is None:
-                if name in NEEDED:
+                if name in NEEDED or name == "count" or has_quantiles:
                     faults.append(_Fault(Kind.STATISTICS_MISSING, name, "is missing"))
                 continue
             figure = _array(values[name])
@@ -131,7 +132,8 @@ class Judge:
             faults += _colours(figures, colours)
         for name, right in (parts or {}).items():
             value = figures.get(name)
-            if value is not None and (np.abs(value - right) > PICTURE_MEAN).any():
+            room = 0.5 if name == "count" else PICTURE_MEAN
+            if value is not None and (np.abs(value - right) > room).any():
                 faults.append(
                     _Fault(Kind.STATISTICS_CONTRADICT, name, _but(value, "the episodes have", right))
                 )
@@ -141,18 +143,19 @@ class Judge:
         """Yield one problem for the faults of each kind."""
         for kind in dict.fromkeys(fault.kind for fault in faults):
             first, *others = (fault for fault in faults if fault.kind is kind)
+            is_needed = kind is not Kind.STATISTICS_MISSING or first.name in NEEDED  # which come first
             text = f"the {first.name} of {stored.key} in {stored.where} {first.text}"
             names = [name for name in dict.fromkeys(fault.name for fault in others) if name != first.name]
             if names:
                 text += f"; wrong, too: {', '.join(names)}"
-            yield self._problem(stored, kind, text)
+            yield self._problem(stored, kind, text, is_needed=is_needed)
 
-    def _problem(self, stored: Stored, kind: Kind, text: str) -> Problem:
+    def _problem(self, stored: Stored, kind: Kind, text: str, *, is_needed: bool = True) -> Problem:
         if stored.episode >= 0:
             return Problem(Kind.EPISODE_STATISTICS, text, stored.episode, False, self._remedy)
         is_used = stored.key not in INDEX_COLUMNS and not stored.is_picture
         is_broken = kind is not Kind.STATISTICS_CONTRADICT  # stops LeRobot, whatever it is the figure of
-        return Problem(kind, text, -1, is_used or is_broken, self._remedy)
+        return Problem(kind, text, -1, is_needed and (is_used or is_broken), self._remedy)
 
 
 def _alone(stored: Stored, figures: Mapping[str, FloatArray]) -> Iterator[_Fault]:

@@ -192,7 +192,7 @@ def _picture(contents: Contents, file: VideoFile) -> Iterator[Problem]:
         text = f"{name} has pictures of {file.width} x {file.height}, and {width} x {height} is described"
         problem = Problem(Kind.VIDEO_SIZE, text, remedy=remedy)
         yield of_episodes(problem, (use.episode for use in file.uses))
-    described = contents.info["features"][file.key]
+    described = contents.features[file.key]
     told = described.get("info") or described.get("video_info") or {}
     found = {
         "video.codec": file.codec,
