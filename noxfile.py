@@ -16,6 +16,7 @@ from nox.command import CommandFailed
 
 sys.path.insert(0, str(Path(__file__).parent / "tools"))
 from local_plugins import closure, distributions, requirements
+from oldest_versions import oldest_versions
 
 nox.needs_version = ">=2024.10.9"
 nox.options.default_venv_backend = "venv"
@@ -64,8 +65,8 @@ def types(session: nox.Session) -> None:
 
 @nox.session
 def proto(session: nox.Session) -> None:
-    """Regenerates the schema's Python modules; with ``-- --check`` (and in CI) only compares them."""
-    install(session, *group("proto"))
+    """Regenerates the Python modules of all protos; with ``-- --check`` (and in CI) only compares them."""
+    session.install(*group("proto"))  # a compiler of its own, older than the tested pins
     arguments = session.posargs or (["--check"] if IN_CI else [])
     session.run("python", "tools/generate_schema.py", *arguments)
 
@@ -97,6 +98,21 @@ def tests(session: nox.Session) -> None:
     session.run("pytest", "-m", "timing", "--durations=20", *timed)
     if failed is not None:
         raise failed
+
+
+@nox.session
+def lowest(session: nox.Session) -> None:
+    """Core tests and all presets with the oldest version of each dependency that pyproject.toml allows."""
+    names = ("camera", "emulator", "mock", "mujoco-sim", "sts3215")
+    needed = closure(list(names))
+    known = {name: f"./{path.relative_to(ROOT)}" for name, path in distributions().items()}
+    session.install(*group("build", "lowest"), *oldest_versions(requirements(needed)))
+    folders = [*(known[name] for name in needed), *(f"./{example}" for example in EXAMPLES)]
+    session.install("--no-deps", "--no-build-isolation", *in_place(folders))
+    rooms = ("config", "devices", "node", "plan", "plugins", "schema", "textproto")
+    tests = session.posargs or [f"tests/core/{room}" for room in rooms]
+    session.run("pytest", "-p", "no:cacheprovider", "--numprocesses=2", *tests)
+    session.run("joshua", "--config", "configs/test_mock_hardware.pbtxt")
 
 
 @nox.session

@@ -1,8 +1,11 @@
-"""Regenerates everything that is derived from ``proto/``; ``--check`` only says whether it is up to date.
+"""Regenerates everything that is derived from proto files; ``--check`` only says whether it is up to date.
 
 Derived are, in ``joshua-core/src/joshua/schema``: the compiled modules and their type stubs, the comments
 beside them, and the table of ROS 2 type names. The links there to the proto files, by which plugins import
-them, are checked too.
+them, are checked too. The protos of plugins and examples are compiled beside their sources.
+
+Run it by ``nox -s proto``: generated code needs a protobuf at least as new as its compiler, so that session
+has the oldest compiler that we support.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ CORE = ROOT / "joshua-core" / "src"
 SCHEMA = CORE / "joshua" / "schema"
 IMPORT_PATH = "joshua/schema"
 DERIVED = ("*_pb2.py", "*_pb2.pyi", "*_pb2.comments.json", "data_type_names.py")
+PLUGIN_PROTOS = ("joshua-plugins/*/src/*/*.proto", "docs/examples/*/src/*/*.proto")
 _ROS_TYPE = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
 _NUMBER = re.compile(r"^ +(?P<name>[A-Z][A-Z0-9_]*) = (?P<number>\d+);", re.MULTILINE)
 
@@ -76,8 +80,32 @@ def replace_derived(schema: Path, wanted: dict[str, bytes]) -> None:
         (schema / proto.name).symlink_to(Path(os.path.relpath(PROTOS, schema)) / proto.name)
 
 
+def plugin_files() -> dict[Path, bytes]:
+    """Makes the modules of plugins and examples afresh, by the path of the committed file."""
+    sys.path.insert(0, str(CORE))
+    from joshua.schema.compile import PACKAGE_ROOT, compile_protos, import_root
+
+    wanted: dict[Path, bytes] = {}
+    for proto in sorted(path for pattern in PLUGIN_PROTOS for path in ROOT.glob(pattern)):
+        root = import_root(proto)
+        name = proto.relative_to(root).as_posix()
+        with tempfile.TemporaryDirectory() as folder:
+            for path in compile_protos([name], [str(root), str(PACKAGE_ROOT)], Path(folder)):
+                wanted[root / path.relative_to(folder)] = path.read_bytes()
+    return wanted
+
+
+def stale_plugin_files() -> list[str]:
+    """Names the committed files of plugins and examples that differ from what their protos give."""
+    return [
+        f"{path.relative_to(ROOT)} is stale"
+        for path, content in plugin_files().items()
+        if not path.is_file() or path.read_bytes() != content
+    ]
+
+
 def stale_files() -> list[str]:
-    """Names the committed files that differ from what the protos give, with the reason."""
+    """Names the committed files of the schema that differ from what the protos give, with the reason."""
     wanted, present = wanted_files(), derived_files(SCHEMA)
     faults = [f"{name} is missing" for name in wanted.keys() - present.keys()]
     faults += [f"{name} has no proto file" for name in present.keys() - wanted.keys()]
@@ -97,13 +125,15 @@ def main() -> int:
     )
     parser.add_argument("--check", action="store_true", help="change nothing; fail when a file is stale")
     if parser.parse_args().check:
-        faults = stale_files()
+        faults = [f"{SCHEMA.relative_to(ROOT)}: {fault}" for fault in stale_files()] + stale_plugin_files()
         for fault in faults:
-            sys.stderr.write(f"{SCHEMA.relative_to(ROOT)}: {fault}\n")
+            sys.stderr.write(f"{fault}\n")
         if faults:
             sys.stderr.write("Run `nox -s proto` and commit the result.\n")
         return 1 if faults else 0
     replace_derived(SCHEMA, wanted_files())
+    for path, content in plugin_files().items():
+        path.write_bytes(content)
     return 0
 
 

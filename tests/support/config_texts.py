@@ -8,6 +8,7 @@ from typing import Any
 from google.protobuf.descriptor import FieldDescriptor
 from hypothesis import strategies as st
 from joshua.schema.config_pb2 import Config
+from joshua.schema.descriptors import is_repeated
 from third_party import URL, sample_class
 
 _D = FieldDescriptor
@@ -112,7 +113,7 @@ def _field(draw: Draw, field: Any, depth: int) -> str:
     is_block = field.message_type is not None
     colon = draw(st.sampled_from(("", ":", " :"))) if is_block else ":"
     gap = draw(_OPTIONAL_GAPS)
-    as_list = field.is_repeated and draw(st.booleans())
+    as_list = is_repeated(field) and draw(st.booleans())
     if as_list:
         items = [_value(draw, field, depth) for _ in range(draw(st.integers(0, 3)))]
         comma = f"{draw(_OPTIONAL_GAPS)},{draw(_OPTIONAL_GAPS)}"
@@ -135,7 +136,7 @@ def _fields(draw: Draw, descriptor: Any, depth: int) -> str:
     for field in chosen:
         oneof = field.containing_oneof
         key = oneof.full_name if oneof is not None else field.full_name
-        if key in written and not field.is_repeated:
+        if key in written and not is_repeated(field):
             continue
         written.add(key)
         texts.append(_field(draw, field, depth))

@@ -7,6 +7,7 @@ from typing import Any
 
 from joshua.schema import config_pb2
 from joshua.schema.comments import comment
+from joshua.schema.descriptors import is_repeated
 from joshua.schema.rules import FIRST_EXTENSION_NUMBER
 from joshua.textproto.field_facts import FieldFacts, field_facts
 
@@ -85,7 +86,7 @@ def places_of(root: Any) -> dict[str, list[str]]:
         for field in message.fields:
             inner = field.message_type
             if inner is not None and inner.full_name.startswith("joshua."):
-                index = "[]" if field.is_repeated else ""
+                index = "[]" if is_repeated(field) else ""
                 walk(inner, f"{path}.{field.name}{index}" if path else f"{field.name}{index}")
 
     walk(root, "")
@@ -153,7 +154,7 @@ def type_text(field: Any) -> str:
         text = f"[{field.enum_type.name}]({page})"
     else:
         text = _SCALARS[field.type]
-    return f"list of {text}" if field.is_repeated else text
+    return f"list of {text}" if is_repeated(field) else text
 
 
 def allowed_text(facts: FieldFacts) -> str:

@@ -102,7 +102,7 @@ def wrapped(body: str) -> str:
     [
         "f_int32: 0x7fffffff f_sint64: -0x8000000000000000 f_uint64: 01777777777777777777777",
         "many_f_int32: [0, -017, 0X1f] many_f_int32: 5, many_f_int32: []; many_f_int32 : [6]",
-        "f_float: 1.5f f_double: -inf many_f_float: [inf, nan, -Infinity, 1e400, 3.5F, .5, 5., 1e39]",
+        "f_float: 1.5f f_double: -inf many_f_float: [inf, nan, -Infinity, 1e400, 3.5f, .5, 5., 1e39]",
         "f_bool: t many_f_bool: [true, false, True, False, 1, 0, f]",
         "f_string: 'a' \"b\"\n'c' # comment\n'd' f_bytes: '\\xff\\377\\0'",
         r"f_string: '\a\b\f\n\r\t\v\\\'\"' many_f_string: ['\101', '\x41', '\u00e9', '\U0001F600', '\x9']",

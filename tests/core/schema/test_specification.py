@@ -18,6 +18,7 @@ from joshua.schema import (
 )
 from joshua.schema.comments import comment
 from joshua.schema.data_types import enum_names, type_name
+from joshua.schema.descriptors import is_repeated
 
 HERE = Path(__file__).parent
 MODULES: tuple[Any, ...] = (
@@ -95,7 +96,7 @@ def type_text(field: Any) -> str:
         name = field.enum_type.name
     else:
         name = SCALARS[field.type]
-    return f"repeated {name}" if field.is_repeated else str(name)
+    return f"repeated {name}" if is_repeated(field) else str(name)
 
 
 @pytest.mark.parametrize("row", rows("specified_fields.txt"))
@@ -109,10 +110,9 @@ def test_a_specified_field_has_its_number_name_and_type(row: str) -> None:
     assert (field.containing_oneof.name if field.containing_oneof else "") == (
         f"_{name}" if is_optional else oneof
     )
-    assert (
-        field.has_presence == (is_optional or bool(oneof) or field.message_type is not None)
-        or field.is_repeated
-    )
+    assert field.has_presence == (
+        is_optional or bool(oneof) or field.message_type is not None
+    ) or is_repeated(field)
 
 
 def test_no_field_below_100_is_added_to_a_specified_message() -> None:

@@ -10,6 +10,7 @@ from typing import Any
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message import Message
 
+from joshua.schema.descriptors import is_repeated
 from joshua.schema.rules import rule
 
 _FLOATS = (FieldDescriptor.CPPTYPE_FLOAT, FieldDescriptor.CPPTYPE_DOUBLE)
@@ -43,7 +44,7 @@ def block_values(block: Message) -> dict[str, Any]:
     for field, value in block.ListFields():
         if field.is_extension:
             continue
-        if field.is_repeated:
+        if is_repeated(field):
             if field.message_type is not None and field.message_type.GetOptions().map_entry:
                 values[field.name] = dict(value)
             else:
@@ -66,7 +67,7 @@ def _plain(field: FieldDescriptor, value: Any) -> Any:
 
 def _default(field: FieldDescriptor) -> Any:
     text = rule(field).default
-    if field.is_repeated:
+    if is_repeated(field):
         return json.loads(text) if text else []
     if field.cpp_type == FieldDescriptor.CPPTYPE_MESSAGE:
         return None

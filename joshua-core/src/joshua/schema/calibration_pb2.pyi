@@ -2,8 +2,7 @@ from joshua.schema import options_pb2 as _options_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
-from collections.abc import Iterable as _Iterable, Mapping as _Mapping
-from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
@@ -39,4 +38,4 @@ class MotorCalibration(_message.Message):
     range_min: int
     range_max: int
     inverted: bool
-    def __init__(self, id: _Optional[int] = ..., joint_name: _Optional[str] = ..., homing_offset: _Optional[int] = ..., range_min: _Optional[int] = ..., range_max: _Optional[int] = ..., inverted: _Optional[bool] = ...) -> None: ...
+    def __init__(self, id: _Optional[int] = ..., joint_name: _Optional[str] = ..., homing_offset: _Optional[int] = ..., range_min: _Optional[int] = ..., range_max: _Optional[int] = ..., inverted: bool = ...) -> None: ...

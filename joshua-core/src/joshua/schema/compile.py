@@ -1,7 +1,8 @@
 """Compiles proto files to Python modules with their comments: ``python -m joshua.schema.compile FILE.proto``.
 
 For authors of plugins: the proto may ``import "joshua/schema/options.proto"`` and describe its fields by
-the same rule option as the built-in blocks. Needs ``grpcio-tools``.
+the same rule option as the built-in blocks. Needs ``grpcio-tools``. Compiled modules need a protobuf at least
+as new as their compiler, so an older compiler makes a plugin that fits more environments.
 """
 
 from __future__ import annotations
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from google.protobuf.descriptor_pb2 import FileDescriptorProto
+
+#: The compiler whose modules run with every protobuf that JOSHUA supports.
+COMPILER = "grpcio-tools<1.72"
 
 # The folder from which "joshua/schema/options.proto" is found.
 PACKAGE_ROOT = Path(__file__).resolve().parents[2]
@@ -54,7 +58,7 @@ def compile_protos(names: Sequence[str], search: Sequence[str], out: Path) -> li
     """
     if importlib.util.find_spec("grpc_tools") is None:
         raise CompileError(
-            "grpcio-tools, which compiles proto files, is not installed: pip install grpcio-tools"
+            f"grpcio-tools, which compiles proto files, is not installed: pip install '{COMPILER}'"
         )
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:

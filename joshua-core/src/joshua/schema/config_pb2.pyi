@@ -9,8 +9,7 @@ from google.protobuf.internal import containers as _containers
 from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
-from collections.abc import Iterable as _Iterable, Mapping as _Mapping
-from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
@@ -427,7 +426,7 @@ class STS3215Joint(_message.Message):
     grip_load_percent: float
     grip_torque_percent: float
     grip_squeeze_rad: float
-    def __init__(self, motor_id: _Optional[int] = ..., gripper: _Optional[bool] = ..., torque_limit_percent: _Optional[float] = ..., protection_current_ma: _Optional[float] = ..., overload_torque_percent: _Optional[float] = ..., overload_time_s: _Optional[float] = ..., position_p: _Optional[int] = ..., position_i: _Optional[int] = ..., position_d: _Optional[int] = ..., acceleration: _Optional[int] = ..., grip_load_percent: _Optional[float] = ..., grip_torque_percent: _Optional[float] = ..., grip_squeeze_rad: _Optional[float] = ...) -> None: ...
+    def __init__(self, motor_id: _Optional[int] = ..., gripper: bool = ..., torque_limit_percent: _Optional[float] = ..., protection_current_ma: _Optional[float] = ..., overload_torque_percent: _Optional[float] = ..., overload_time_s: _Optional[float] = ..., position_p: _Optional[int] = ..., position_i: _Optional[int] = ..., position_d: _Optional[int] = ..., acceleration: _Optional[int] = ..., grip_load_percent: _Optional[float] = ..., grip_torque_percent: _Optional[float] = ..., grip_squeeze_rad: _Optional[float] = ...) -> None: ...
 
 class DynamixelConfig(_message.Message):
     __slots__ = ("comm", "motor_ids", "models", "position_min", "position_max", "velocity", "acceleration", "joint")
@@ -473,7 +472,7 @@ class DynamixelJoint(_message.Message):
     grip_load_percent: float
     grip_torque_percent: float
     grip_squeeze_rad: float
-    def __init__(self, motor_id: _Optional[int] = ..., gripper: _Optional[bool] = ..., torque_limit_percent: _Optional[float] = ..., current_limit_ma: _Optional[float] = ..., position_p: _Optional[int] = ..., position_i: _Optional[int] = ..., position_d: _Optional[int] = ..., acceleration: _Optional[int] = ..., grip_load_percent: _Optional[float] = ..., grip_torque_percent: _Optional[float] = ..., grip_squeeze_rad: _Optional[float] = ...) -> None: ...
+    def __init__(self, motor_id: _Optional[int] = ..., gripper: bool = ..., torque_limit_percent: _Optional[float] = ..., current_limit_ma: _Optional[float] = ..., position_p: _Optional[int] = ..., position_i: _Optional[int] = ..., position_d: _Optional[int] = ..., acceleration: _Optional[int] = ..., grip_load_percent: _Optional[float] = ..., grip_torque_percent: _Optional[float] = ..., grip_squeeze_rad: _Optional[float] = ...) -> None: ...
 
 class MockMotorConfig(_message.Message):
     __slots__ = ("num_motors", "position_min", "position_max", "motion", "motion_amplitude_rad", "motion_frequency_hz", "motion_file", "time_constant_s")
@@ -589,7 +588,7 @@ class CameraConfig(_message.Message):
     display: bool
     source: str
     intrinsics_file: str
-    def __init__(self, device_id: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., fps: _Optional[int] = ..., pixel_format: _Optional[str] = ..., brightness: _Optional[int] = ..., contrast: _Optional[int] = ..., saturation: _Optional[int] = ..., exposure: _Optional[int] = ..., display: _Optional[bool] = ..., source: _Optional[str] = ..., intrinsics_file: _Optional[str] = ...) -> None: ...
+    def __init__(self, device_id: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., fps: _Optional[int] = ..., pixel_format: _Optional[str] = ..., brightness: _Optional[int] = ..., contrast: _Optional[int] = ..., saturation: _Optional[int] = ..., exposure: _Optional[int] = ..., display: bool = ..., source: _Optional[str] = ..., intrinsics_file: _Optional[str] = ...) -> None: ...
 
 class SimCameraConfig(_message.Message):
     __slots__ = ("camera", "width", "height", "fps")
@@ -629,7 +628,7 @@ class EncoderConfig(_message.Message):
     joint_name: _containers.RepeatedScalarFieldContainer[str]
     address: _containers.RepeatedScalarFieldContainer[int]
     counter_range: int
-    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., resolution: _Optional[int] = ..., inverted: _Optional[bool] = ..., protocol: _Optional[str] = ..., joint_name: _Optional[_Iterable[str]] = ..., address: _Optional[_Iterable[int]] = ..., counter_range: _Optional[int] = ...) -> None: ...
+    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., resolution: _Optional[int] = ..., inverted: bool = ..., protocol: _Optional[str] = ..., joint_name: _Optional[_Iterable[str]] = ..., address: _Optional[_Iterable[int]] = ..., counter_range: _Optional[int] = ...) -> None: ...
 
 class MockEncoderConfig(_message.Message):
     __slots__ = ("resolution", "speed_rad_s", "inverted")
@@ -639,7 +638,7 @@ class MockEncoderConfig(_message.Message):
     resolution: int
     speed_rad_s: float
     inverted: bool
-    def __init__(self, resolution: _Optional[int] = ..., speed_rad_s: _Optional[float] = ..., inverted: _Optional[bool] = ...) -> None: ...
+    def __init__(self, resolution: _Optional[int] = ..., speed_rad_s: _Optional[float] = ..., inverted: bool = ...) -> None: ...
 
 class LidarConfig(_message.Message):
     __slots__ = ("comm", "angle_min", "angle_max", "range_min", "range_max", "display", "model", "scan_mode")
@@ -659,7 +658,7 @@ class LidarConfig(_message.Message):
     display: bool
     model: str
     scan_mode: str
-    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., angle_min: _Optional[float] = ..., angle_max: _Optional[float] = ..., range_min: _Optional[float] = ..., range_max: _Optional[float] = ..., display: _Optional[bool] = ..., model: _Optional[str] = ..., scan_mode: _Optional[str] = ...) -> None: ...
+    def __init__(self, comm: _Optional[_Union[_comm_pb2.Comm, _Mapping]] = ..., angle_min: _Optional[float] = ..., angle_max: _Optional[float] = ..., range_min: _Optional[float] = ..., range_max: _Optional[float] = ..., display: bool = ..., model: _Optional[str] = ..., scan_mode: _Optional[str] = ...) -> None: ...
 
 class MockLidarConfig(_message.Message):
     __slots__ = ("angle_min", "angle_max", "range_min", "range_max", "num_beams", "room_length_m", "room_width_m")
@@ -719,7 +718,7 @@ class GamepadMapping(_message.Message):
     name: str
     source: str
     inverted: bool
-    def __init__(self, name: _Optional[str] = ..., source: _Optional[str] = ..., inverted: _Optional[bool] = ...) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., source: _Optional[str] = ..., inverted: bool = ...) -> None: ...
 
 class KeyboardConfig(_message.Message):
     __slots__ = ("key_hold_s", "controls", "enable_key", "release_key")
@@ -841,7 +840,7 @@ class SmolVlaConfig(_message.Message):
     picture_size: int
     compile: bool
     allow_unnormalized: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, revision: _Optional[str] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., absent_cameras: _Optional[_Iterable[str]] = ..., denoising_steps: _Optional[int] = ..., picture_size: _Optional[int] = ..., compile: _Optional[bool] = ..., allow_unnormalized: _Optional[_Iterable[str]] = ...) -> None: ...
+    def __init__(self, revision: _Optional[str] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., absent_cameras: _Optional[_Iterable[str]] = ..., denoising_steps: _Optional[int] = ..., picture_size: _Optional[int] = ..., compile: bool = ..., allow_unnormalized: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class DataStore(_message.Message):
     __slots__ = ("format", "storage", "dataset_name", "local_path", "remote_url", "plugin_config", "operation", "task", "episodes", "fps", "tolerance_s", "missing", "video_codec", "units", "pictures", "resume", "episode_duration_s", "reset_duration_s", "warmup_s", "num_episodes", "more_tasks", "auto_start", "speed", "record_button", "keep_button", "discard_button", "spoken_cues", "upload")
@@ -901,7 +900,7 @@ class DataStore(_message.Message):
     discard_button: str
     spoken_cues: bool
     upload: UploadTime
-    def __init__(self, format: _Optional[_Union[DataFormat, str]] = ..., storage: _Optional[_Union[StorageBackend, str]] = ..., dataset_name: _Optional[str] = ..., local_path: _Optional[str] = ..., remote_url: _Optional[str] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., operation: _Optional[_Union[DataStoreOperation, str]] = ..., task: _Optional[str] = ..., episodes: _Optional[_Iterable[int]] = ..., fps: _Optional[int] = ..., tolerance_s: _Optional[float] = ..., missing: _Optional[_Union[MissingPolicy, str]] = ..., video_codec: _Optional[_Union[VideoCodec, str]] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., pictures: _Optional[_Union[PictureStorage, str]] = ..., resume: _Optional[bool] = ..., episode_duration_s: _Optional[float] = ..., reset_duration_s: _Optional[float] = ..., warmup_s: _Optional[float] = ..., num_episodes: _Optional[int] = ..., more_tasks: _Optional[_Iterable[str]] = ..., auto_start: _Optional[bool] = ..., speed: _Optional[float] = ..., record_button: _Optional[str] = ..., keep_button: _Optional[str] = ..., discard_button: _Optional[str] = ..., spoken_cues: _Optional[bool] = ..., upload: _Optional[_Union[UploadTime, str]] = ...) -> None: ...
+    def __init__(self, format: _Optional[_Union[DataFormat, str]] = ..., storage: _Optional[_Union[StorageBackend, str]] = ..., dataset_name: _Optional[str] = ..., local_path: _Optional[str] = ..., remote_url: _Optional[str] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., operation: _Optional[_Union[DataStoreOperation, str]] = ..., task: _Optional[str] = ..., episodes: _Optional[_Iterable[int]] = ..., fps: _Optional[int] = ..., tolerance_s: _Optional[float] = ..., missing: _Optional[_Union[MissingPolicy, str]] = ..., video_codec: _Optional[_Union[VideoCodec, str]] = ..., units: _Optional[_Union[JointPositionUnit, str]] = ..., pictures: _Optional[_Union[PictureStorage, str]] = ..., resume: bool = ..., episode_duration_s: _Optional[float] = ..., reset_duration_s: _Optional[float] = ..., warmup_s: _Optional[float] = ..., num_episodes: _Optional[int] = ..., more_tasks: _Optional[_Iterable[str]] = ..., auto_start: bool = ..., speed: _Optional[float] = ..., record_button: _Optional[str] = ..., keep_button: _Optional[str] = ..., discard_button: _Optional[str] = ..., spoken_cues: bool = ..., upload: _Optional[_Union[UploadTime, str]] = ...) -> None: ...
 
 class Training(_message.Message):
     __slots__ = ("environment", "method", "simulator_backend", "rl_config", "imitation_config", "eval_config", "plugin_config", "environment_id", "wandb", "mlflow", "cluster")
@@ -947,7 +946,7 @@ class WandbTracking(_message.Message):
     entity: str
     server: str
     offline: bool
-    def __init__(self, project: _Optional[str] = ..., entity: _Optional[str] = ..., server: _Optional[str] = ..., offline: _Optional[bool] = ...) -> None: ...
+    def __init__(self, project: _Optional[str] = ..., entity: _Optional[str] = ..., server: _Optional[str] = ..., offline: bool = ...) -> None: ...
 
 class MlflowTracking(_message.Message):
     __slots__ = ("experiment", "server")
@@ -1017,7 +1016,7 @@ class RLConfig(_message.Message):
     learning_starts: int
     tau: float
     updates_per_step: int
-    def __init__(self, algorithm: _Optional[str] = ..., num_envs: _Optional[int] = ..., total_timesteps: _Optional[int] = ..., learning_rate: _Optional[float] = ..., gamma: _Optional[float] = ..., clip_range: _Optional[float] = ..., batch_size: _Optional[int] = ..., reward_function: _Optional[str] = ..., n_steps: _Optional[int] = ..., n_epochs: _Optional[int] = ..., gae_lambda: _Optional[float] = ..., entropy_weight: _Optional[float] = ..., value_weight: _Optional[float] = ..., max_grad_norm: _Optional[float] = ..., target_kl: _Optional[float] = ..., hidden_sizes: _Optional[_Iterable[int]] = ..., activation: _Optional[str] = ..., initial_log_std: _Optional[float] = ..., normalize_observations: _Optional[bool] = ..., normalize_rewards: _Optional[bool] = ..., randomise: _Optional[bool] = ..., output_folder: _Optional[str] = ..., checkpoint_steps: _Optional[int] = ..., resume_run: _Optional[str] = ..., physics_threads: _Optional[int] = ..., buffer_size: _Optional[int] = ..., learning_starts: _Optional[int] = ..., tau: _Optional[float] = ..., updates_per_step: _Optional[int] = ...) -> None: ...
+    def __init__(self, algorithm: _Optional[str] = ..., num_envs: _Optional[int] = ..., total_timesteps: _Optional[int] = ..., learning_rate: _Optional[float] = ..., gamma: _Optional[float] = ..., clip_range: _Optional[float] = ..., batch_size: _Optional[int] = ..., reward_function: _Optional[str] = ..., n_steps: _Optional[int] = ..., n_epochs: _Optional[int] = ..., gae_lambda: _Optional[float] = ..., entropy_weight: _Optional[float] = ..., value_weight: _Optional[float] = ..., max_grad_norm: _Optional[float] = ..., target_kl: _Optional[float] = ..., hidden_sizes: _Optional[_Iterable[int]] = ..., activation: _Optional[str] = ..., initial_log_std: _Optional[float] = ..., normalize_observations: bool = ..., normalize_rewards: bool = ..., randomise: bool = ..., output_folder: _Optional[str] = ..., checkpoint_steps: _Optional[int] = ..., resume_run: _Optional[str] = ..., physics_threads: _Optional[int] = ..., buffer_size: _Optional[int] = ..., learning_starts: _Optional[int] = ..., tau: _Optional[float] = ..., updates_per_step: _Optional[int] = ...) -> None: ...
 
 class ImitationConfig(_message.Message):
     __slots__ = ("dataset_name", "num_epochs", "learning_rate", "batch_size", "loss_function", "policy_type", "pretrained", "max_steps", "chunk_size", "actions_per_chunk", "cameras", "image_width", "image_height", "validation_share", "validation_steps", "validation_batches", "colour_jitter", "shift_px", "accumulation_steps", "device", "precision", "threads", "workers", "seed", "output_folder", "checkpoint_steps", "resume_run", "report_steps", "picture_cache_mb", "hidden_size", "feedforward_size", "encoder_layers", "pretrained_backbone", "backbone_learning_rate", "weight_decay", "max_grad_norm", "lora_rank", "learning_rate_schedule", "use_vae", "processes", "machines", "machine_rank", "main_address", "state_noise", "robot_evaluation_steps", "robot_episodes", "robot_wait_s")
@@ -1115,7 +1114,7 @@ class ImitationConfig(_message.Message):
     robot_evaluation_steps: int
     robot_episodes: int
     robot_wait_s: float
-    def __init__(self, dataset_name: _Optional[str] = ..., num_epochs: _Optional[int] = ..., learning_rate: _Optional[float] = ..., batch_size: _Optional[int] = ..., loss_function: _Optional[str] = ..., policy_type: _Optional[str] = ..., pretrained: _Optional[str] = ..., max_steps: _Optional[int] = ..., chunk_size: _Optional[int] = ..., actions_per_chunk: _Optional[int] = ..., cameras: _Optional[_Iterable[str]] = ..., image_width: _Optional[int] = ..., image_height: _Optional[int] = ..., validation_share: _Optional[float] = ..., validation_steps: _Optional[int] = ..., validation_batches: _Optional[int] = ..., colour_jitter: _Optional[float] = ..., shift_px: _Optional[int] = ..., accumulation_steps: _Optional[int] = ..., device: _Optional[str] = ..., precision: _Optional[str] = ..., threads: _Optional[int] = ..., workers: _Optional[int] = ..., seed: _Optional[int] = ..., output_folder: _Optional[str] = ..., checkpoint_steps: _Optional[int] = ..., resume_run: _Optional[str] = ..., report_steps: _Optional[int] = ..., picture_cache_mb: _Optional[int] = ..., hidden_size: _Optional[int] = ..., feedforward_size: _Optional[int] = ..., encoder_layers: _Optional[int] = ..., pretrained_backbone: _Optional[bool] = ..., backbone_learning_rate: _Optional[float] = ..., weight_decay: _Optional[float] = ..., max_grad_norm: _Optional[float] = ..., lora_rank: _Optional[int] = ..., learning_rate_schedule: _Optional[str] = ..., use_vae: _Optional[bool] = ..., processes: _Optional[int] = ..., machines: _Optional[int] = ..., machine_rank: _Optional[int] = ..., main_address: _Optional[str] = ..., state_noise: _Optional[float] = ..., robot_evaluation_steps: _Optional[int] = ..., robot_episodes: _Optional[int] = ..., robot_wait_s: _Optional[float] = ...) -> None: ...
+    def __init__(self, dataset_name: _Optional[str] = ..., num_epochs: _Optional[int] = ..., learning_rate: _Optional[float] = ..., batch_size: _Optional[int] = ..., loss_function: _Optional[str] = ..., policy_type: _Optional[str] = ..., pretrained: _Optional[str] = ..., max_steps: _Optional[int] = ..., chunk_size: _Optional[int] = ..., actions_per_chunk: _Optional[int] = ..., cameras: _Optional[_Iterable[str]] = ..., image_width: _Optional[int] = ..., image_height: _Optional[int] = ..., validation_share: _Optional[float] = ..., validation_steps: _Optional[int] = ..., validation_batches: _Optional[int] = ..., colour_jitter: _Optional[float] = ..., shift_px: _Optional[int] = ..., accumulation_steps: _Optional[int] = ..., device: _Optional[str] = ..., precision: _Optional[str] = ..., threads: _Optional[int] = ..., workers: _Optional[int] = ..., seed: _Optional[int] = ..., output_folder: _Optional[str] = ..., checkpoint_steps: _Optional[int] = ..., resume_run: _Optional[str] = ..., report_steps: _Optional[int] = ..., picture_cache_mb: _Optional[int] = ..., hidden_size: _Optional[int] = ..., feedforward_size: _Optional[int] = ..., encoder_layers: _Optional[int] = ..., pretrained_backbone: bool = ..., backbone_learning_rate: _Optional[float] = ..., weight_decay: _Optional[float] = ..., max_grad_norm: _Optional[float] = ..., lora_rank: _Optional[int] = ..., learning_rate_schedule: _Optional[str] = ..., use_vae: bool = ..., processes: _Optional[int] = ..., machines: _Optional[int] = ..., machine_rank: _Optional[int] = ..., main_address: _Optional[str] = ..., state_noise: _Optional[float] = ..., robot_evaluation_steps: _Optional[int] = ..., robot_episodes: _Optional[int] = ..., robot_wait_s: _Optional[float] = ...) -> None: ...
 
 class EvalConfig(_message.Message):
     __slots__ = ("model_checkpoint", "num_episodes", "metrics", "compare_with", "seed", "confidence", "bootstrap_samples", "videos", "camera", "randomise", "output_folder", "task", "strategy", "steps_per_chunk", "inference_delay", "compute", "plugin_config")
@@ -1153,7 +1152,7 @@ class EvalConfig(_message.Message):
     inference_delay: int
     compute: ModelCompute
     plugin_config: _any_pb2.Any
-    def __init__(self, model_checkpoint: _Optional[str] = ..., num_episodes: _Optional[int] = ..., metrics: _Optional[_Iterable[str]] = ..., compare_with: _Optional[str] = ..., seed: _Optional[int] = ..., confidence: _Optional[float] = ..., bootstrap_samples: _Optional[int] = ..., videos: _Optional[int] = ..., camera: _Optional[str] = ..., randomise: _Optional[bool] = ..., output_folder: _Optional[str] = ..., task: _Optional[str] = ..., strategy: _Optional[_Union[ExecutionStrategy, str]] = ..., steps_per_chunk: _Optional[int] = ..., inference_delay: _Optional[int] = ..., compute: _Optional[_Union[ModelCompute, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ...) -> None: ...
+    def __init__(self, model_checkpoint: _Optional[str] = ..., num_episodes: _Optional[int] = ..., metrics: _Optional[_Iterable[str]] = ..., compare_with: _Optional[str] = ..., seed: _Optional[int] = ..., confidence: _Optional[float] = ..., bootstrap_samples: _Optional[int] = ..., videos: _Optional[int] = ..., camera: _Optional[str] = ..., randomise: bool = ..., output_folder: _Optional[str] = ..., task: _Optional[str] = ..., strategy: _Optional[_Union[ExecutionStrategy, str]] = ..., steps_per_chunk: _Optional[int] = ..., inference_delay: _Optional[int] = ..., compute: _Optional[_Union[ModelCompute, _Mapping]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ...) -> None: ...
 
 class Node(_message.Message):
     __slots__ = ("node_name", "node_id", "node_type", "qos", "publishers", "subscriptions", "python", "host", "ros_namespace", "process_group", "restart", "frame_id")
@@ -1217,7 +1216,7 @@ class Publisher(_message.Message):
     qos: QoSSettings
     override: bool
     override_motion_rad: float
-    def __init__(self, data_type: _Optional[_Union[_data_type_pb2.DataType, str]] = ..., topic_name: _Optional[str] = ..., publish_rate_hz: _Optional[float] = ..., qos: _Optional[_Union[QoSSettings, _Mapping]] = ..., override: _Optional[bool] = ..., override_motion_rad: _Optional[float] = ...) -> None: ...
+    def __init__(self, data_type: _Optional[_Union[_data_type_pb2.DataType, str]] = ..., topic_name: _Optional[str] = ..., publish_rate_hz: _Optional[float] = ..., qos: _Optional[_Union[QoSSettings, _Mapping]] = ..., override: bool = ..., override_motion_rad: _Optional[float] = ...) -> None: ...
 
 class Subscription(_message.Message):
     __slots__ = ("data_type", "topic_name", "qos", "external")
@@ -1229,7 +1228,7 @@ class Subscription(_message.Message):
     topic_name: str
     qos: QoSSettings
     external: bool
-    def __init__(self, data_type: _Optional[_Union[_data_type_pb2.DataType, str]] = ..., topic_name: _Optional[str] = ..., qos: _Optional[_Union[QoSSettings, _Mapping]] = ..., external: _Optional[bool] = ...) -> None: ...
+    def __init__(self, data_type: _Optional[_Union[_data_type_pb2.DataType, str]] = ..., topic_name: _Optional[str] = ..., qos: _Optional[_Union[QoSSettings, _Mapping]] = ..., external: bool = ...) -> None: ...
 
 class TestConfig(_message.Message):
     __slots__ = ("duration_s",)
@@ -1241,4 +1240,4 @@ class CalibrationRun(_message.Message):
     __slots__ = ("display",)
     DISPLAY_FIELD_NUMBER: _ClassVar[int]
     display: bool
-    def __init__(self, display: _Optional[bool] = ...) -> None: ...
+    def __init__(self, display: bool = ...) -> None: ...

@@ -3,8 +3,7 @@ from google.protobuf.internal import containers as _containers
 from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
-from collections.abc import Iterable as _Iterable, Mapping as _Mapping
-from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
@@ -119,7 +118,7 @@ class FieldRule(_message.Message):
     needs_published: str
     only_with: Condition
     needs_torque: bool
-    def __init__(self, unit: _Optional[str] = ..., min: _Optional[float] = ..., max: _Optional[float] = ..., above: _Optional[float] = ..., default: _Optional[str] = ..., required: _Optional[bool] = ..., kind: _Optional[_Union[FieldKind, str]] = ..., allowed: _Optional[_Iterable[str]] = ..., example: _Optional[str] = ..., min_items: _Optional[int] = ..., max_items: _Optional[int] = ..., required_unless: _Optional[_Iterable[str]] = ..., may_repeat: _Optional[bool] = ..., forms: _Optional[_Iterable[_Union[ValueForm, _Mapping]]] = ..., overridden_by: _Optional[_Union[Override, _Mapping]] = ..., needs_published: _Optional[str] = ..., only_with: _Optional[_Union[Condition, _Mapping]] = ..., needs_torque: _Optional[bool] = ...) -> None: ...
+    def __init__(self, unit: _Optional[str] = ..., min: _Optional[float] = ..., max: _Optional[float] = ..., above: _Optional[float] = ..., default: _Optional[str] = ..., required: bool = ..., kind: _Optional[_Union[FieldKind, str]] = ..., allowed: _Optional[_Iterable[str]] = ..., example: _Optional[str] = ..., min_items: _Optional[int] = ..., max_items: _Optional[int] = ..., required_unless: _Optional[_Iterable[str]] = ..., may_repeat: bool = ..., forms: _Optional[_Iterable[_Union[ValueForm, _Mapping]]] = ..., overridden_by: _Optional[_Union[Override, _Mapping]] = ..., needs_published: _Optional[str] = ..., only_with: _Optional[_Union[Condition, _Mapping]] = ..., needs_torque: bool = ...) -> None: ...
 
 class Condition(_message.Message):
     __slots__ = ("field", "value", "required")
@@ -129,7 +128,7 @@ class Condition(_message.Message):
     field: str
     value: str
     required: bool
-    def __init__(self, field: _Optional[str] = ..., value: _Optional[str] = ..., required: _Optional[bool] = ...) -> None: ...
+    def __init__(self, field: _Optional[str] = ..., value: _Optional[str] = ..., required: bool = ...) -> None: ...
 
 class Override(_message.Message):
     __slots__ = ("field", "because")
@@ -173,7 +172,7 @@ class BlockRule(_message.Message):
     commands: _containers.RepeatedCompositeFieldContainer[CommandRule]
     emulator: str
     adds_homing_offset: bool
-    def __init__(self, plugin: _Optional[str] = ..., fits: _Optional[_Iterable[str]] = ..., link: _Optional[str] = ..., virtual: _Optional[bool] = ..., simulated: _Optional[bool] = ..., publishes: _Optional[_Iterable[str]] = ..., takes: _Optional[_Iterable[str]] = ..., bus: _Optional[_Union[BusRule, _Mapping]] = ..., commands: _Optional[_Iterable[_Union[CommandRule, _Mapping]]] = ..., emulator: _Optional[str] = ..., adds_homing_offset: _Optional[bool] = ...) -> None: ...
+    def __init__(self, plugin: _Optional[str] = ..., fits: _Optional[_Iterable[str]] = ..., link: _Optional[str] = ..., virtual: bool = ..., simulated: bool = ..., publishes: _Optional[_Iterable[str]] = ..., takes: _Optional[_Iterable[str]] = ..., bus: _Optional[_Union[BusRule, _Mapping]] = ..., commands: _Optional[_Iterable[_Union[CommandRule, _Mapping]]] = ..., emulator: _Optional[str] = ..., adds_homing_offset: bool = ...) -> None: ...
 
 class BusRule(_message.Message):
     __slots__ = ("request", "reply", "feedback", "command")
@@ -203,4 +202,4 @@ class ValueRule(_message.Message):
     plugin: str
     weights: Weights
     needs_images: bool
-    def __init__(self, plugin: _Optional[str] = ..., weights: _Optional[_Union[Weights, str]] = ..., needs_images: _Optional[bool] = ...) -> None: ...
+    def __init__(self, plugin: _Optional[str] = ..., weights: _Optional[_Union[Weights, str]] = ..., needs_images: bool = ...) -> None: ...

@@ -4,8 +4,7 @@ from google.protobuf.internal import containers as _containers
 from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
-from collections.abc import Iterable as _Iterable, Mapping as _Mapping
-from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
@@ -80,7 +79,7 @@ class SimulationConfig(_message.Message):
     variation: SceneVariation
     trajectory_unit: TrajectoryUnit
     shadows: bool
-    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., trajectory_path: _Optional[str] = ..., replay_speed: _Optional[float] = ..., real_time_factor: _Optional[float] = ..., keyframe: _Optional[str] = ..., seed: _Optional[int] = ..., on_divergence: _Optional[_Union[DivergencePolicy, str]] = ..., joint_state_rate_hz: _Optional[float] = ..., use_sim_time: _Optional[bool] = ..., renders: _Optional[_Iterable[_Union[RenderOutput, _Mapping]]] = ..., attached: _Optional[_Iterable[_Union[AttachedModel, _Mapping]]] = ..., generate: _Optional[_Union[GeneratedEpisodes, _Mapping]] = ..., variation: _Optional[_Union[SceneVariation, _Mapping]] = ..., trajectory_unit: _Optional[_Union[TrajectoryUnit, str]] = ..., shadows: _Optional[bool] = ...) -> None: ...
+    def __init__(self, mode: _Optional[_Union[SimulationMode, str]] = ..., model_path: _Optional[str] = ..., mirror_topic_mappings: _Optional[_Iterable[_Union[MirrorTopicMapping, _Mapping]]] = ..., plugin_config: _Optional[_Union[_any_pb2.Any, _Mapping]] = ..., trajectory_path: _Optional[str] = ..., replay_speed: _Optional[float] = ..., real_time_factor: _Optional[float] = ..., keyframe: _Optional[str] = ..., seed: _Optional[int] = ..., on_divergence: _Optional[_Union[DivergencePolicy, str]] = ..., joint_state_rate_hz: _Optional[float] = ..., use_sim_time: bool = ..., renders: _Optional[_Iterable[_Union[RenderOutput, _Mapping]]] = ..., attached: _Optional[_Iterable[_Union[AttachedModel, _Mapping]]] = ..., generate: _Optional[_Union[GeneratedEpisodes, _Mapping]] = ..., variation: _Optional[_Union[SceneVariation, _Mapping]] = ..., trajectory_unit: _Optional[_Union[TrajectoryUnit, str]] = ..., shadows: bool = ...) -> None: ...
 
 class GeneratedEpisodes(_message.Message):
     __slots__ = ("count", "duration_s", "fps", "cameras", "width", "height")

@@ -3,8 +3,7 @@ from google.protobuf.internal import containers as _containers
 from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
-from collections.abc import Iterable as _Iterable, Mapping as _Mapping
-from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
@@ -39,7 +38,7 @@ class TransportConfig(_message.Message):
     peers: _containers.RepeatedScalarFieldContainer[str]
     plugin_kind: str
     open_to_local_users: bool
-    def __init__(self, kind: _Optional[_Union[TransportKind, str]] = ..., domain_id: _Optional[int] = ..., listen_endpoints: _Optional[_Iterable[str]] = ..., connect_endpoints: _Optional[_Iterable[str]] = ..., tls: _Optional[_Union[TlsConfig, _Mapping]] = ..., network_interface: _Optional[str] = ..., peers: _Optional[_Iterable[str]] = ..., plugin_kind: _Optional[str] = ..., open_to_local_users: _Optional[bool] = ...) -> None: ...
+    def __init__(self, kind: _Optional[_Union[TransportKind, str]] = ..., domain_id: _Optional[int] = ..., listen_endpoints: _Optional[_Iterable[str]] = ..., connect_endpoints: _Optional[_Iterable[str]] = ..., tls: _Optional[_Union[TlsConfig, _Mapping]] = ..., network_interface: _Optional[str] = ..., peers: _Optional[_Iterable[str]] = ..., plugin_kind: _Optional[str] = ..., open_to_local_users: bool = ...) -> None: ...
 
 class TlsConfig(_message.Message):
     __slots__ = ("root_ca_file", "certificate_file", "private_key_file")

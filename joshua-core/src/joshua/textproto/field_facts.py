@@ -13,6 +13,7 @@ from typing import Any
 from google.protobuf.descriptor import EnumDescriptor, FieldDescriptor
 
 from joshua.schema import options_pb2, rules
+from joshua.schema.descriptors import is_repeated
 
 _FLOATS = (FieldDescriptor.CPPTYPE_FLOAT, FieldDescriptor.CPPTYPE_DOUBLE)
 _NUMBERS = frozenset(
@@ -36,7 +37,7 @@ class FieldFacts:
         rule = rules.rule(field)
         self.name: str = field.name
         self.kind: int = rule.kind
-        self.repeated: bool = field.is_repeated
+        self.repeated: bool = is_repeated(field)
         self.has_presence: bool = field.has_presence
         self.is_number = field.cpp_type in _NUMBERS
         self.is_float = field.cpp_type in _FLOATS

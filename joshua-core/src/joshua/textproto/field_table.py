@@ -8,6 +8,8 @@ from typing import Any
 
 from google.protobuf.descriptor import FieldDescriptor
 
+from joshua.schema.descriptors import is_repeated
+
 ANY = "google.protobuf.Any"
 
 
@@ -63,7 +65,7 @@ class FieldInfo:
             self.kind, self.type_text = _TYPES[field.cpp_type]
         if field.type == FieldDescriptor.TYPE_BYTES:
             self.kind = Kind.BYTES
-        self.is_repeated: bool = field.is_repeated
+        self.is_repeated: bool = is_repeated(field)
         self.is_map = self.message is not None and bool(self.message.GetOptions().map_entry)
         self.is_any = self.message is not None and bool(self.message.full_name == ANY)
         self.smallest, self.largest = _RANGES.get(field.cpp_type, (0, 0))

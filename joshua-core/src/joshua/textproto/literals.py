@@ -12,6 +12,7 @@ from joshua.textproto.limits import MAX_NUMBER_CHARACTERS
 
 _Value = TypeVar("_Value")
 _OCTAL = re.compile(r"^(-?)0(\d+)$")
+_LEADING_ZERO = re.compile(r"-?0\d")
 _ESCAPE = (
     r"\\(?:(?P<letter>[abfnrtv\\'\"])|(?P<octal>[0-7]{1,3})|x(?P<hex>[0-9a-fA-F]{1,2})"
     r"|u(?P<short>[0-9a-fA-F]{4})|U(?P<long>[0-9a-fA-F]{8})|(?P<bad>.|\Z))"
@@ -51,7 +52,14 @@ def plain_integer(text: str) -> int | None:
 
 
 def number(text: str) -> float | None:
-    """Read a floating-point number, ``inf`` or ``nan``; None if invalid."""
+    """Read a floating-point number, ``inf`` or ``nan``; None if invalid.
+
+    Before protobuf 6, its own function reads octal numbers as decimal ones and refuses the suffix ``F``.
+    """
+    if _LEADING_ZERO.match(text):
+        return None
+    if text.endswith("F"):
+        text = f"{text[:-1]}f"
     return _parsed(text_format.ParseFloat, text)
 
 

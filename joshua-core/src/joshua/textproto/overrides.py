@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from joshua.schema.descriptors import is_repeated
 from joshua.textproto.binder import INCLUDE, Binder, Merge
 from joshua.textproto.field_table import ANY, FieldInfo, Kind, field_table
 from joshua.textproto.lexer import tokenize
@@ -264,6 +265,6 @@ def _name_of(item: Any) -> str:
         return str(item.node.node_name)
     for name in ("node_name", "name"):
         field = known.get(name)
-        if field is not None and field.cpp_type == field.CPPTYPE_STRING and not field.is_repeated:
+        if field is not None and field.cpp_type == field.CPPTYPE_STRING and not is_repeated(field):
             return str(getattr(item, name))
     return ""

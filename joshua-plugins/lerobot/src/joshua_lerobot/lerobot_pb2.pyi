@@ -3,8 +3,7 @@ from joshua.schema import options_pb2 as _options_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
-from collections.abc import Iterable as _Iterable
-from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+from typing import ClassVar as _ClassVar, Iterable as _Iterable, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
@@ -26,4 +25,4 @@ class LeRobotPolicy(_message.Message):
     picture_size: int
     compile: bool
     allow_unnormalized: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, revision: _Optional[str] = ..., units: _Optional[_Union[_config_pb2.JointPositionUnit, str]] = ..., absent_cameras: _Optional[_Iterable[str]] = ..., actions_per_chunk: _Optional[int] = ..., denoising_steps: _Optional[int] = ..., picture_size: _Optional[int] = ..., compile: _Optional[bool] = ..., allow_unnormalized: _Optional[_Iterable[str]] = ...) -> None: ...
+    def __init__(self, revision: _Optional[str] = ..., units: _Optional[_Union[_config_pb2.JointPositionUnit, str]] = ..., absent_cameras: _Optional[_Iterable[str]] = ..., actions_per_chunk: _Optional[int] = ..., denoising_steps: _Optional[int] = ..., picture_size: _Optional[int] = ..., compile: bool = ..., allow_unnormalized: _Optional[_Iterable[str]] = ...) -> None: ...

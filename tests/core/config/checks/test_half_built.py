@@ -13,6 +13,7 @@ from joshua.config.diagnostics import render_json, render_text
 from joshua.config.loading import LoadedConfig
 from joshua.modes import check_mode
 from joshua.schema import config_pb2 as pb
+from joshua.schema.descriptors import is_repeated
 from joshua.textproto.positions import Positions
 
 TEXTS = (
@@ -51,14 +52,14 @@ def fill(message: Any, chance: random.Random, depth: int = 0) -> None:
         if descriptor.message_type is not None:
             if depth > 8:
                 continue
-            if descriptor.is_repeated:
+            if is_repeated(descriptor):
                 for _ in range(chance.randint(0, 3)):
                     fill(getattr(message, descriptor.name).add(), chance, depth + 1)
             else:
                 inner = getattr(message, descriptor.name)
                 inner.SetInParent()
                 fill(inner, chance, depth + 1)
-        elif descriptor.is_repeated:
+        elif is_repeated(descriptor):
             getattr(message, descriptor.name).extend(
                 scalar(descriptor, chance) for _ in range(chance.randint(0, 4))
             )
