@@ -75,7 +75,7 @@ def _fields(contents: Contents) -> Iterator[Problem]:
     if robot is not None and not isinstance(robot, str):
         yield _wrong(Kind.INFO_FIELD, f"robot_type is {shown(robot)}; it must be text")
     if info.get("total_tasks") is None:
-        yield _wrong(Kind.INFO_FIELD, "total_tasks is missing: LeRobot needs it to append", serious=False)
+        yield _wrong(Kind.INFO_FIELD, "total_tasks is missing: LeRobot needs it to append")
     if contents.is_v3 and "chunks_size" not in info:
         yield _wrong(Kind.INFO_FIELD, "chunks_size is missing: LeRobot needs it to append", serious=False)
     if contents.dataset is not None and not contents.is_v3:
