@@ -53,7 +53,7 @@ def show_torque(arguments: argparse.Namespace, code: int, ended: Sequence[Plan])
     lines = left_lines(left)
     if not lines and not arguments.emulate and any(map(_outlives_run, ended)):
         lines = ["this run left no torque on"]
-        if code not in (ExitCode.OK, ExitCode.INTERRUPTED):
+        if code not in (ExitCode.OK, ExitCode.INVALID, ExitCode.INTERRUPTED):
             lines[0] += f"; to check its devices: {shown_command('doctor', source, plan_options(arguments))}"
     stream = sys.stderr if arguments.format == "json" else sys.stdout  # where findings are a document
     stream.writelines(f"{line}\n" for line in lines)
