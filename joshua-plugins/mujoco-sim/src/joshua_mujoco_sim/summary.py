@@ -7,6 +7,8 @@ from typing import Any
 
 import mujoco
 
+from joshua_mujoco_sim.cameras import camera_names
+
 _TYPES = {
     mujoco.mjtJoint.mjJNT_FREE: ("free", ""),
     mujoco.mjtJoint.mjJNT_BALL: ("ball", "rad"),
@@ -29,7 +31,7 @@ def summarise(model: mujoco.MjModel) -> dict[str, Any]:
         "timestep_s": float(model.opt.timestep),
         "joints": joints,
         "actuators": [model.actuator(index).name for index in range(model.nu)],
-        "cameras": [model.camera(index).name for index in range(model.ncam)],
+        "cameras": camera_names(model),
         "keyframes": [model.key(index).name for index in range(model.nkey)],
     }
 
