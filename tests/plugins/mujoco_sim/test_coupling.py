@@ -16,9 +16,10 @@ import mujoco
 import numpy as np
 import pytest
 from joshua_emulator import EmulatedBus, EmulatedCamera
+from joshua_mujoco_sim.actuator_group import ActuatorGroup
 from joshua_mujoco_sim.coupling import CouplingServer, ServoDrives
 from joshua_mujoco_sim.model_file import load_model
-from joshua_mujoco_sim.physics import ActuatorGroup, Physics
+from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.rendering import CameraRenderer
 from joshua_mujoco_sim.world import World, WorldSettings
 from joshua_sts3215.actuator import Sts3215Actuator

@@ -252,9 +252,15 @@ def test_wheels_turn_to_their_angle() -> None:
         wheels.disconnect()
 
 
-def test_motor_actuators_cannot_be_commanded_to_an_angle() -> None:
-    with pytest.raises(ValueError, match="'hip_1' takes a torque, as <motor> does, and no position"):
-        actuator(context("ant/ant.xml"), "hip_1")
+def test_a_motor_turns_to_its_angle() -> None:
+    leg = actuator(context("ant/ant.xml"), "hip_1")
+    leg.connect()
+    try:
+        leg.enable()
+        leg.write(np.array([0.4]))
+        wait(lambda: bool(abs(leg.read().position_rad[0] - 0.4) < 0.02))
+    finally:
+        leg.disconnect()
 
 
 def test_without_a_simulation_nothing_connects() -> None:

@@ -17,11 +17,12 @@ from joshua.planner.pipeline import examine
 from joshua.planner.request import Purpose, Request
 from joshua.plugins.settings import FieldError
 from joshua.testing.domain import reserved_domain
-from joshua_mujoco_sim.episodes import EpisodeMaker
+from joshua_mujoco_sim.episodes import EpisodeMaker, RecordedDrive
+from joshua_mujoco_sim.model_file import load_model
 from joshua_mujoco_sim.opengl import RenderingError, choose_gl
+from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.settings_parts import DatasetSettings, check_picture_keys
 from joshua_mujoco_sim.trajectories.reading import read_trajectories
-from joshua_mujoco_sim.trajectories.trajectory import TrajectoryError
 from joshua_mujoco_sim.variation import Variation
 from joshua_mujoco_sim.world import World, WorldSettings
 
@@ -234,14 +235,18 @@ def test_endless_resets_are_an_error(tmp_path: Path) -> None:
         maker.close()
 
 
-def test_recording_of_a_wheel_is_refused(tmp_path: Path) -> None:
-    world = scene("lekoch/scene.xml")
-    group = world.physics.group(())
-    wheel = group.joints[group.drives.index("velocity")]
+def test_a_wheel_follows_a_recording(tmp_path: Path) -> None:
+    physics = Physics(load_model("lekoch/scene.xml"))
+    group = physics.group(())
+    wheel = group.kinds.index("velocity")
     path = tmp_path / "roll.csv"
-    path.write_text(f"time_s,{wheel}\n0,0\n1,1\n")
-    with pytest.raises(TrajectoryError, match=f"moves {wheel}, and only a position drive can follow it"):
-        EpisodeMaker(world, settings(tmp_path), read_trajectories(path), Silent())
+    path.write_text(f"time_s,{group.joints[wheel]}\n0,0\n1,1\n")
+    drive = RecordedDrive(physics, read_trajectories(path)[0])
+    while physics.time_s < 2.0:
+        drive.command(physics.time_s)
+        physics.step()
+    assert group.position_rad[wheel] == pytest.approx(1.0, abs=0.05)
+    assert group.command[wheel] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

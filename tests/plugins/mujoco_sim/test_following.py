@@ -117,7 +117,7 @@ def test_commands_that_are_no_commands_are_named_once(
         for _ in range(3):
             say(context, "~/joint_commands", shoulder_pan=math.inf, griper=0.1)
     first, second = (record.getMessage() for record in caplog.records)
-    assert first == "~/joint_commands: shoulder_pan is inf; a position in radians is a finite number"
+    assert first == "~/joint_commands: shoulder_pan is inf; a position is a finite number"
     assert second.startswith("~/joint_commands: no joint 'griper'; did you mean gripper? the model has ")
     with world.lock:
         world.advance(10)

@@ -58,17 +58,91 @@ def test_unknown_actuator_is_found_with_the_nearest_name(tmp_path) -> None:
     assert found.code == "invalid-setting"
     assert found.field_path == "robot.actions[0].sim_config.actuators[1]"
     assert found.position.line == 15
-    assert "no actuator named 'elbow_flx'" in found.message
+    assert "no actuator or joint named 'elbow_flx'" in found.message
     assert found.allowed[0] == "elbow_flex"
     assert found.remedy == "Did you mean elbow_flex?"
 
 
-def test_a_motor_of_the_model_cannot_be_commanded_to_an_angle(tmp_path) -> None:
-    text = simulation_file(arm='actuators: ["hip_1"]').replace("so_arm100/scene.xml", "ant/ant.xml")
-    found = examination(tmp_path, text, Purpose.VALIDATE).errors[0]
-    assert found.field_path == "robot.actions[0].sim_config.actuators[0]"
-    assert "actuator 'hip_1' takes a torque, as <motor> does, and no position" in found.message
-    assert found.remedy == "Use <position> or <velocity> in the model, or leave the actuator out."
+FOREIGN = """
+<mujoco><compiler angle="radian"/><worldbody>
+  <camera name="top" pos="0 0 3"/>
+  <body pos="0 0 1"><joint name="elbow" range="-2 1"/><geom size=".05" pos=".2 0 0"/><site name="nozzle"/>
+    <body><joint name="left" type="slide" axis="1 0 0" range="0 .04"/><geom size=".01"/></body>
+    <body><joint name="right" type="slide" axis="-1 0 0" range="0 .04"/><geom size=".01"/></body>
+  </body>
+</worldbody>
+<tendon><fixed name="split"><joint joint="left" coef=".5"/><joint joint="right" coef=".5"/></fixed></tendon>
+<equality><joint joint1="left" joint2="right"/></equality>
+<actuator>
+  <motor joint="elbow" gear="20" ctrlrange="-1 1"/>
+  <general name="fingers" tendon="split" ctrlrange="0 255" gainprm=".0157" biastype="affine"
+    biasprm="0 -100 -10"/>
+  <motor name="thruster" site="nozzle"/>
+</actuator></mujoco>
+"""
+
+
+def foreign_file(folder: Path, arm: str) -> str:
+    (folder / "foreign.xml").write_text(FOREIGN)
+    return simulation_file(arm=arm).replace("so_arm100/scene.xml", "foreign.xml")
+
+
+@pytest.mark.parametrize(
+    "arm",
+    ["", 'actuators: ["elbow", "left"]', 'actuators: ["elbow", "fingers"]', 'actuators: ["elbow", "split"]'],
+)
+def test_joints_of_a_foreign_model_are_known_by_every_name(tmp_path, arm: str) -> None:
+    plan = examination(tmp_path, foreign_file(tmp_path, arm)).plan
+    joints = next(node for node in plan.nodes if node.name == "arm").facts.joints
+    assert [(joint.name, joint.min_rad, joint.max_rad) for joint in joints] == [
+        ("elbow", -2, 1),
+        ("left", 0, pytest.approx(0.04)),
+    ]
+
+
+def test_only_the_actuator_that_is_named_is_refused_with_the_reason(tmp_path) -> None:
+    found = error(tmp_path, foreign_file(tmp_path, 'actuators: ["elbow", "thruster"]'))
+    assert found.field_path == "robot.actions[0].sim_config.actuators[1]"
+    assert (
+        "actuator thruster pushes at a site and moves no joint of its own, so it cannot be" in found.message
+    )
+    assert found.allowed == ("elbow", "left")
+
+
+def test_two_names_of_one_joint_are_refused(tmp_path) -> None:
+    found = error(tmp_path, foreign_file(tmp_path, 'actuators: ["left", "split"]'))
+    assert found.field_path == "robot.actions[0].sim_config.actuators[1]"
+    assert "'split' is the same joint as 'left'" in found.message
+
+
+def test_an_unknown_name_is_answered_with_names_only(tmp_path) -> None:
+    found = error(tmp_path, foreign_file(tmp_path, 'actuators: ["elbo"]'))
+    assert found.remedy == "Did you mean elbow?"
+    assert "" not in found.allowed
+
+
+def test_gains_are_for_joints_that_a_loop_drives(tmp_path) -> None:
+    def drive(joint: str) -> str:
+        return f'drives {{ joint: "{joint}" position_gain: 30 velocity_gain: 2 }}'
+
+    assert examination(tmp_path, foreign_file(tmp_path, drive("elbow")), Purpose.VALIDATE).errors == []
+    found = error(tmp_path, foreign_file(tmp_path, drive("fingers")))
+    assert found.field_path == "robot.actions[0].sim_config.drives[0].joint"
+    assert "'fingers' follows positions by gains of its own, so these have no effect" in found.message
+    found = error(tmp_path, foreign_file(tmp_path, f'actuators: ["left"] {drive("elbow")}'))
+    assert "no joint in this node's actuators named 'elbow'" in found.message
+    found = error(tmp_path, foreign_file(tmp_path, drive("elbow") * 2))
+    assert "'elbow' has gains already" in found.message
+
+
+def test_a_model_without_a_joint_to_drive_says_why(tmp_path) -> None:
+    text = foreign_file(tmp_path, "")
+    xml = FOREIGN.replace('<motor joint="elbow" gear="20" ctrlrange="-1 1"/>', "")
+    xml = xml[: xml.index("<general")] + '<motor name="thruster" site="nozzle"/></actuator></mujoco>'
+    (tmp_path / "foreign.xml").write_text(xml)
+    found = error(tmp_path, text)
+    assert found.field_path == "robot.actions[0].sim_config.actuators"
+    assert "no joint that can be driven to a position: thruster pushes at a site" in found.message
 
 
 def test_unknown_actuator_of_a_mapping_is_found(tmp_path) -> None:
@@ -110,20 +184,6 @@ def test_malformed_model_is_found_with_its_line(tmp_path) -> None:
     assert errors[0].field_path == "simulation.model_path"
     assert "line 3" in errors[0].message
     assert "gem" in errors[0].message
-
-
-def test_actuator_of_a_tendon_is_found_before_the_start(tmp_path) -> None:
-    (tmp_path / "gripper.xml").write_text(
-        "<mujoco><worldbody><body><geom size='1'/><joint name='hinge'/></body></worldbody><tendon>"
-        "<fixed name='cable'><joint joint='hinge' coef='1'/></fixed></tendon>"
-        "<actuator><position name='pull' tendon='cable'/></actuator></mujoco>"
-    )
-    text = 'general { mode: MODE_SIMULATION name: "s" id: "s" }\n'
-    text += 'simulation { mode: OFFSCREEN model_path: "gripper.xml" }\n'
-    found = error(tmp_path, text)
-    assert (found.code, found.field_path) == ("invalid-setting", "simulation.model_path")
-    assert "model's actuator 'pull' drives no single joint" in found.message
-    assert found.remedy == "Give it a joint, or take it out of the model."
 
 
 def test_missing_model_is_an_error_at_launch(tmp_path) -> None:

@@ -496,7 +496,7 @@ class MockMotorConfig(_message.Message):
     def __init__(self, num_motors: _Optional[int] = ..., position_min: _Optional[int] = ..., position_max: _Optional[int] = ..., motion: _Optional[_Union[MockMotion, str]] = ..., motion_amplitude_rad: _Optional[float] = ..., motion_frequency_hz: _Optional[float] = ..., motion_file: _Optional[str] = ..., time_constant_s: _Optional[float] = ...) -> None: ...
 
 class SimActuatorConfig(_message.Message):
-    __slots__ = ("actuators", "motion", "motion_amplitude_rad", "motion_frequency_hz", "motion_file", "demonstrate", "noise_rad", "recoveries")
+    __slots__ = ("actuators", "motion", "motion_amplitude_rad", "motion_frequency_hz", "motion_file", "demonstrate", "noise_rad", "recoveries", "drives")
     ACTUATORS_FIELD_NUMBER: _ClassVar[int]
     MOTION_FIELD_NUMBER: _ClassVar[int]
     MOTION_AMPLITUDE_RAD_FIELD_NUMBER: _ClassVar[int]
@@ -505,6 +505,7 @@ class SimActuatorConfig(_message.Message):
     DEMONSTRATE_FIELD_NUMBER: _ClassVar[int]
     NOISE_RAD_FIELD_NUMBER: _ClassVar[int]
     RECOVERIES_FIELD_NUMBER: _ClassVar[int]
+    DRIVES_FIELD_NUMBER: _ClassVar[int]
     actuators: _containers.RepeatedScalarFieldContainer[str]
     motion: MockMotion
     motion_amplitude_rad: float
@@ -513,7 +514,18 @@ class SimActuatorConfig(_message.Message):
     demonstrate: str
     noise_rad: float
     recoveries: float
-    def __init__(self, actuators: _Optional[_Iterable[str]] = ..., motion: _Optional[_Union[MockMotion, str]] = ..., motion_amplitude_rad: _Optional[float] = ..., motion_frequency_hz: _Optional[float] = ..., motion_file: _Optional[str] = ..., demonstrate: _Optional[str] = ..., noise_rad: _Optional[float] = ..., recoveries: _Optional[float] = ...) -> None: ...
+    drives: _containers.RepeatedCompositeFieldContainer[SimJointDrive]
+    def __init__(self, actuators: _Optional[_Iterable[str]] = ..., motion: _Optional[_Union[MockMotion, str]] = ..., motion_amplitude_rad: _Optional[float] = ..., motion_frequency_hz: _Optional[float] = ..., motion_file: _Optional[str] = ..., demonstrate: _Optional[str] = ..., noise_rad: _Optional[float] = ..., recoveries: _Optional[float] = ..., drives: _Optional[_Iterable[_Union[SimJointDrive, _Mapping]]] = ...) -> None: ...
+
+class SimJointDrive(_message.Message):
+    __slots__ = ("joint", "position_gain", "velocity_gain")
+    JOINT_FIELD_NUMBER: _ClassVar[int]
+    POSITION_GAIN_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_GAIN_FIELD_NUMBER: _ClassVar[int]
+    joint: str
+    position_gain: float
+    velocity_gain: float
+    def __init__(self, joint: _Optional[str] = ..., position_gain: _Optional[float] = ..., velocity_gain: _Optional[float] = ...) -> None: ...
 
 class SpikeMotorConfig(_message.Message):
     __slots__ = ("comm", "port_names")

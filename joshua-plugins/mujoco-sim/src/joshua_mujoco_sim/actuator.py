@@ -8,8 +8,10 @@ import numpy as np
 from joshua.api import Actuator, ActuatorContext, ConfigurationError, DeviceError, FloatArray, JointReading
 from joshua.api.motions import FileMotion, Motion, SineMotion
 
+from joshua_mujoco_sim.actuator_group import ActuatorGroup
 from joshua_mujoco_sim.model_file import ModelError
-from joshua_mujoco_sim.physics import ActuatorGroup, Physics
+from joshua_mujoco_sim.physics import Physics
+from joshua_mujoco_sim.position_loop import Gains
 from joshua_mujoco_sim.settings import SimActuatorSettings, SimulationSettings
 from joshua_mujoco_sim.world import World, leave_world, shared_world
 
@@ -19,17 +21,14 @@ if TYPE_CHECKING:
 #: No-load speed of a small serial bus servo at 12 V, as modelled.
 VELOCITY_MAX_RAD_S = 4.7
 
-#: Gain of the position loop around velocity actuators, such as wheels.
-WHEEL_GAIN_PER_S = 10.0
-
 
 class SimActuator(Actuator):
     """A group of actuators of the simulated model.
 
-    With torque on, a position actuator moves to its goal by the model's drive, and a velocity actuator (a
-    wheel) turns until it reaches the goal angle. After a release the drive applies no force: the arm falls
+    With torque on, a joint moves to its goal by the position drive of the model, or by a position loop around
+    its force or velocity drive (a wheel, a motor). After a release the drive applies no force: the arm falls
     against its gear friction and can be pushed. Until the first ``enable`` or ``release`` it is braked at its
-    initial position. A configured motion replaces both. Effort is the actuator's force, N·m.
+    initial position. A configured motion replaces both. Effort is the force on the joint, N·m or N.
 
     Args:
         settings: of the actuators.
@@ -46,8 +45,6 @@ class SimActuator(Actuator):
         self._sign = np.array([joint.sign for joint in joints])
         self._world: World | None = None
         self._group: ActuatorGroup | None = None
-        self._wheels = np.zeros(len(joints), dtype=bool)
-        self._speed_max = np.zeros(len(joints))
         self._goal: FloatArray | None = None
         self._is_free = False
         self._motion: Motion | None = None
@@ -143,11 +140,10 @@ class SimActuator(Actuator):
 
     def _join(self, world: World, motion: Motion | None) -> None:
         group = world.physics.group(self.settings.actuators)
-        model = world.physics.model
-        ids = [model.actuator(name).id for name in group.names]
-        limited = model.actuator_ctrllimited[ids].astype(bool)
-        self._speed_max = np.where(limited, np.abs(model.actuator_ctrlrange[ids]).max(axis=1), np.inf)
-        self._wheels = group.goes_at_speeds
+        for drive in self.settings.drives:
+            place = group.place_of(drive.joint)
+            if place is not None:
+                group.set_gains(place, Gains(drive.position_gain, drive.velocity_gain))
         self._group, self._motion, self._goal, self._is_free = group, motion, None, False
         self._motion_start_s = world.physics.time_s
         self._world = world
@@ -173,13 +169,9 @@ class SimActuator(Actuator):
         if goal is None and self._motion is not None:
             goal = self._own_motion(physics)
         if goal is None and self._is_free:
-            group.set_command(group.free_command)
+            group.let_go()
             return
-        goal = position if goal is None else self._zero + self._sign * goal
-        if self._wheels.any():
-            speed = np.clip(WHEEL_GAIN_PER_S * (goal - position), -self._speed_max, self._speed_max)
-            goal = np.where(self._wheels, speed, goal)
-        group.set_command(goal)
+        group.set_command(position if goal is None else self._zero + self._sign * goal)
 
     def _angles(self, group: ActuatorGroup) -> FloatArray:
         """Return the joint positions about their zeros. The caller holds the lock."""

@@ -97,3 +97,9 @@ def reason_against(model: mujoco.MjModel, actuator: int) -> str:
 
 def _name_of_joint(model: mujoco.MjModel, joint: int) -> str:
     return model.joint(joint).name or f"number {joint}"
+
+
+def activation_of(model: mujoco.MjModel, actuator: int) -> int:
+    """Return the index of an actuator's last activation, which multiplies its gain; -1 if it has none."""
+    first = int(model.actuator_actadr[actuator])
+    return first if first < 0 else first + int(model.actuator_actnum[actuator]) - 1

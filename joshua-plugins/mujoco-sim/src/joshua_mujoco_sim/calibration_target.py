@@ -12,17 +12,17 @@ from dataclasses import replace
 from typing import Any
 
 import mujoco
-import numpy as np
 from joshua.api import DeviceError
 from joshua.api.calibration import TICKS_PER_TURN, ArmCalibration
 from joshua_calibration.hand import hand_paths
 from joshua_calibration.target import CalibrationTarget, StoredMotor, TargetMotor
 from joshua_calibration.target import Hand as HandMoves
 
+from joshua_mujoco_sim.actuator_group import ActuatorGroup
 from joshua_mujoco_sim.calibration import IDENTITY, encoder_ticks, misfits
 from joshua_mujoco_sim.hand import Hand
 from joshua_mujoco_sim.model_file import ModelError
-from joshua_mujoco_sim.physics import ActuatorGroup, FloatArray, Physics
+from joshua_mujoco_sim.physics import FloatArray, Physics
 from joshua_mujoco_sim.settings import SimActuatorSettings, SimulationSettings
 from joshua_mujoco_sim.world import World, leave_world, shared_world
 
@@ -151,7 +151,7 @@ class SimCalibrationTarget(CalibrationTarget):
         group, hand = self._group, self._hand
         if group is None or hand is None:
             return
-        group.set_command(np.where(group.goes_to_positions, group.position_rad, 0.0))
+        group.brake()
         hand.push(physics)
 
     def _joined(self, verb: str) -> tuple[World, ActuatorGroup, Hand]:

@@ -9,8 +9,10 @@ from typing import Annotated
 
 import mujoco
 from joshua.api import RefusedError, verb
+from numpy.polynomial import Polynomial
 from pydantic import Field
 
+from joshua_mujoco_sim.transmission import single_joints
 from joshua_mujoco_sim.world import World
 
 #: Largest number of steps per request: one minute at 2 ms per step.
@@ -75,26 +77,43 @@ class Controls:
         """Set the positions of joints, at rest."""
         world = self._world()
         model, data = world.physics.model, world.physics.data
-        # joints with one degree of freedom
-        single = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-        known = {model.joint(i).name: i for i in range(model.njnt) if model.jnt_type[i] in single}
+        known = _joints_by_name(world)
         unknown = [name for name in state.joints if name not in known]
         if unknown or not state.joints:
             what = f"no joint {', '.join(unknown)}" if unknown else "no joint is given"
             near = get_close_matches(unknown[0], known, n=1, cutoff=0.5) if unknown else []
             hint = f"; did you mean {near[0]}?" if near else ""
-            raise RefusedError(f"{what}{hint}; joints are {', '.join(filter(None, known))}")
+            listed = dict.fromkeys(model.joint(index).name for index in known.values())
+            raise RefusedError(f"{what}{hint}; joints are {', '.join(filter(None, listed)) or 'none'}")
         if bad := list(
             filter(None, (_beyond(model, known[name], state.joints[name]) for name in state.joints))
         ):
             raise RefusedError(f"{'; '.join(bad)}; nothing was set")
         with world.lock:
+            followers = {joint.joint: joint.followers for joint in world.physics.drivable_joints()}
             for name, value in state.joints.items():
                 joint = model.joint(known[name])
                 data.qpos[joint.qposadr[0]] = value
                 data.qvel[joint.dofadr[0]] = 0.0
+                for follower in followers.get(known[name], ()):
+                    data.qpos[model.jnt_qposadr[follower.joint]] = Polynomial(follower.position)(value)
+                    data.qvel[model.jnt_dofadr[follower.joint]] = 0.0
             mujoco.mj_forward(model, data)
         return f"set {', '.join(state.joints)}"
+
+
+def _joints_by_name(world: World) -> dict[str, int]:
+    """Return hinges and slides by their names, and those that are driven also by those of their actuators."""
+    model = world.physics.model
+    driven = {
+        name: joint.joint
+        for joint in world.physics.drivable_joints()
+        for name in joint.names
+        if joint.joint >= 0
+    }
+    own = {model.joint(index).name: index for index in single_joints(model)}
+    own.pop("", None)
+    return driven | own
 
 
 def _beyond(model: mujoco.MjModel, joint: int, value: float) -> str:

@@ -22,9 +22,10 @@ from typing import Any
 
 import numpy as np
 
+from joshua_mujoco_sim.actuator_group import ActuatorGroup
 from joshua_mujoco_sim.model_file import ModelError
 from joshua_mujoco_sim.opengl import RenderingError
-from joshua_mujoco_sim.physics import ActuatorGroup, FloatArray, Physics
+from joshua_mujoco_sim.physics import FloatArray, Physics
 from joshua_mujoco_sim.rendering import CameraRenderer
 from joshua_mujoco_sim.world import World
 
@@ -157,9 +158,7 @@ class ServoDrives:
 
     def __init__(self, physics: Physics, actuators: list[str]) -> None:
         self._group: ActuatorGroup = physics.group(tuple(actuators))
-        self._model = physics.model
-        self._ids = [physics.model.actuator(name).id for name in actuators]
-        self._stall = physics.stall_forces[self._ids]  # the servo's own torque limit replaces the model's
+        self._stall = self._group.stall_force  # the servo's own torque limit replaces the model's
         self._target = self._group.position_rad
         self._set_point = self._target.copy()
         self._torque = np.zeros(len(actuators))
@@ -168,8 +167,8 @@ class ServoDrives:
 
     def want(self, values: FloatArray) -> None:
         """Set the servos' commands. Raises ValueError for a wrong number of values or a non-finite one."""
-        if values.shape != (3 * len(self._ids),) or not np.isfinite(values).all():
-            raise ValueError(f"{values.size} values for {len(self._ids)} joints, or one that is not finite")
+        if values.shape != (3 * len(self._group),) or not np.isfinite(values).all():
+            raise ValueError(f"{values.size} values for {len(self._group)} joints, or one that is not finite")
         self._target, self._torque, self._speed = values.reshape(-1, 3).T.copy()
 
     def state(self) -> bytes:
@@ -187,4 +186,4 @@ class ServoDrives:
         self._set_point = np.where(on, self._set_point + step, position)
         self._group.set_command(self._set_point)
         limit = self._stall * np.clip(self._torque, 0.0, 1.0)  # 0 with torque off: the joint falls
-        self._model.actuator_forcerange[self._ids] = np.column_stack([-limit, limit])
+        self._group.set_force_limit(limit)

@@ -123,6 +123,14 @@ def refusals(model: mujoco.MjModel) -> tuple[Refusal, ...]:
     return drivables(model).refusals
 
 
+def must_be_driven_each_step(model: mujoco.MjModel, joint: DrivableJoint) -> bool:
+    """Return whether a joint follows a goal only by commands that change from step to step."""
+    integrator = mujoco.mjtDyn.mjDYN_INTEGRATOR
+    return joint.kind != "position" or any(
+        model.actuator_dyntype[drive.actuator] == integrator for drive in joint.drives
+    )
+
+
 def drivables(model: mujoco.MjModel) -> Drivables:
     """Examine every actuator of a model."""
     coupled = couplings(model)

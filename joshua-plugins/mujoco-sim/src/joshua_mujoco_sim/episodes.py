@@ -21,11 +21,12 @@ from joshua.features import (
 )
 from joshua.tools import load_target
 
+from joshua_mujoco_sim.actuator_group import ActuatorGroup
 from joshua_mujoco_sim.opengl import RenderingError
-from joshua_mujoco_sim.physics import ActuatorGroup, Physics
+from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.rendering import CameraRenderer
 from joshua_mujoco_sim.settings_parts import DatasetSettings
-from joshua_mujoco_sim.trajectories.trajectory import FloatArray, Trajectory, TrajectoryError
+from joshua_mujoco_sim.trajectories.trajectory import FloatArray, Trajectory
 from joshua_mujoco_sim.world import World
 
 #: Consecutive episodes that may be lost to a divergence or an external reset before giving up.
@@ -39,18 +40,13 @@ class RecordedDrive:
         physics: of the model; trajectory: the recording.
 
     Raises:
-        TrajectoryError: it does not fit the model, or moves a joint without a position drive.
+        TrajectoryError: it does not fit the model.
     """
 
     def __init__(self, physics: Physics, trajectory: Trajectory) -> None:
         everything = physics.group(())
         joints, self._position = trajectory.for_joints(everything.ranges_rad)
         chosen = [everything.joints.index(joint) for joint in joints]
-        unfit = [everything.joints[index] for index in chosen if everything.drives[index] != "position"]
-        if unfit:
-            raise TrajectoryError(
-                f"{trajectory.source} moves {', '.join(unfit)}, and only a position drive can follow it"
-            )
         self.group: ActuatorGroup = physics.group([everything.names[index] for index in chosen])
         self._time_s = trajectory.time_s
 
@@ -99,13 +95,9 @@ class EpisodeMaker:
         self._drives = [RecordedDrive(physics, recording) for recording in recordings]
         lengths = [settings.duration_s or recording.duration_s for recording in recordings]
         self._frames = [max(1, round(s * settings.fps)) for s in lengths or [settings.duration_s or 0.0]]
-        commanded = [
-            joint if drive == "position" else f"{joint}.{drive}"
-            for joint, drive in zip(self._group.joints, self._group.drives, strict=True)
-        ]
         self._keys = {camera: camera_key(camera) for camera in settings.cameras}
-        # other drives take speeds or torques, so there is no common unit
-        unit = "rad" if set(self._group.drives) == {"position"} else ""
+        joints = self._group.joints
+        unit = "rad" if set(self._group.units) == {"rad"} else ""  # slides are in metres
         self._writer: EpisodeWriter = load_target(settings.writer)(
             DatasetLayout(
                 folder=Path(settings.folder),
@@ -113,8 +105,8 @@ class EpisodeMaker:
                 fps=settings.fps,
                 features=FeatureSet(
                     [
-                        Feature.joints(STATE, self._group.joints),
-                        Feature.joints(ACTION, tuple(commanded), unit=unit),
+                        Feature.joints(STATE, joints, unit=unit),
+                        Feature.joints(ACTION, joints, unit=unit),
                         *(Feature.picture(k, settings.height, settings.width) for k in self._keys.values()),
                     ]
                 ),

@@ -12,7 +12,8 @@ import numpy as np
 from joshua.api import NodeContext
 from joshua.api.nodes import TopicSpec
 
-from joshua_mujoco_sim.physics import ActuatorGroup, Physics
+from joshua_mujoco_sim.actuator_group import ActuatorGroup
+from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.settings_parts import TopicMapping
 from joshua_mujoco_sim.world import World
 
@@ -154,7 +155,8 @@ class Commands(Following):
         del received_ns
         goal = self._goal.copy()
         for name, value in zip(message.name, message.position, strict=False):
-            if name not in self._group.joints:
+            index = self._group.place_of(name)
+            if index is None:
                 near = get_close_matches(name, self._group.joints, n=1)
                 nearest = f"did you mean {near[0]}? " if near else ""
                 self._warn(
@@ -162,11 +164,8 @@ class Commands(Following):
                     f"no joint {name!r}; {nearest}the model has {', '.join(self._group.joints)}",
                 )
             elif not np.isfinite(value):
-                self._warn(
-                    "~/joint_commands:", f"{name} is {value}; a position in radians is a finite number"
-                )
+                self._warn("~/joint_commands:", f"{name} is {value}; a position is a finite number")
             else:
-                index = self._group.joints.index(name)
                 goal[index] = self._within_range(index, value)
         with self._world.lock:
             self._goal = goal
@@ -179,7 +178,7 @@ class Commands(Following):
             self._warn(
                 "~/joint_commands:",
                 f"a command for {self._group.joints[index]} is outside its range of {low:.4g} to {high:.4g} "
-                "rad; the joint stays within its range",
+                f"{self._group.units[index]}; the joint stays within its range",
             )
         return nearest
 
@@ -187,4 +186,4 @@ class Commands(Following):
         del physics
         known = np.isfinite(self._goal)
         if known.any():
-            self._group.set_command(np.where(known, self._goal, self._group.command))
+            self._group.set_command(self._goal)

@@ -12,7 +12,8 @@ import mujoco
 import numpy as np
 from joshua_calibration.hand import Path
 
-from joshua_mujoco_sim.physics import ActuatorGroup, FloatArray, Physics
+from joshua_mujoco_sim.actuator_group import ActuatorGroup
+from joshua_mujoco_sim.physics import FloatArray, Physics
 
 #: Stiffness of the path tracking; critically damped.
 STIFFNESS_PER_S2 = 10_000.0

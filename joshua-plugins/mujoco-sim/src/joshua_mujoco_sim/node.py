@@ -13,13 +13,13 @@ from joshua.features import EpisodeError
 from joshua.messages.make import joint_state
 from joshua.tools import TargetError
 
+from joshua_mujoco_sim.actuator_group import ActuatorGroup
 from joshua_mujoco_sim.clock import ClockPublisher
 from joshua_mujoco_sim.controls import Controls
 from joshua_mujoco_sim.coupling import CouplingServer
 from joshua_mujoco_sim.episodes import EpisodeMaker
 from joshua_mujoco_sim.following import Commands, Mirror
 from joshua_mujoco_sim.opengl import RenderingError
-from joshua_mujoco_sim.physics import ActuatorGroup
 from joshua_mujoco_sim.render_files import RenderFile
 from joshua_mujoco_sim.replay import Replay
 from joshua_mujoco_sim.settings import SimulationSettings

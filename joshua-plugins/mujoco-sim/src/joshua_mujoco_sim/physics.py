@@ -10,12 +10,13 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from joshua_mujoco_sim.actuator_group import ActuatorGroup
+from joshua_mujoco_sim.drivable import DrivableJoint, drivables, must_be_driven_each_step
 from joshua_mujoco_sim.model_file import ModelError
+from joshua_mujoco_sim.position_loop import PositionLoop
 from joshua_mujoco_sim.variation import Variation, Varier
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 #: Speed above which a joint counts as diverged; no supported robot moves nearly as fast.
 VELOCITY_LIMIT_RAD_S = 1e4
@@ -79,6 +80,14 @@ class Physics:
             if name.endswith(f"/{wanted}")
         ]
         self._speed: FloatArray = np.zeros(model.nv)
+        found = drivables(model)
+        self._joints = found.joints
+        self._joint_by_name = found.by_name()
+        self._refusals = found.refused()
+        looped = [joint for joint in found.joints if must_be_driven_each_step(model, joint)]
+        #: Drives the joints whose actuators do not take positions; ``loop_places`` has their places in it.
+        self.loop = PositionLoop(model, self.data, looped)
+        self.loop_places = {joint.name: place for place, joint in enumerate(looped)}
         self._varier = Varier(model, variation) if variation else None
         self._starts = 0
         self._begin: tuple[ActuatorGroup, FloatArray] | None = None
@@ -104,6 +113,7 @@ class Physics:
             mujoco.mj_resetDataKeyframe(self.model, self.data, self._key)
         else:
             mujoco.mj_resetData(self.model, self.data)
+        self.loop.clear()
         for key, prefix in self._further_keys:
             self._take_from_keyframe(key, prefix)
         if self._begin is not None:
@@ -121,8 +131,18 @@ class Physics:
 
     def step(self, count: int = 1) -> None:
         """Run steps. Raises DivergenceError."""
-        mujoco.mj_step(self.model, self.data, count)
+        if self.loop.active:
+            for _ in range(count):
+                self.step_unchecked()
+        else:
+            mujoco.mj_step(self.model, self.data, count)
         self.check()
+
+    def step_unchecked(self) -> None:
+        """Run one step; a divergence is left to ``check``."""
+        if self.loop.active:
+            self.loop.apply()
+        mujoco.mj_step(self.model, self.data)
 
     def check(self) -> None:
         """Raise DivergenceError if a speed is not finite or excessive, as after any bad state."""
@@ -131,9 +151,37 @@ class Physics:
         if not speed.max(initial=0.0) < VELOCITY_LIMIT_RAD_S:  # also true for NaN
             raise self._divergence()
 
-    def group(self, actuators: Sequence[str]) -> ActuatorGroup:
-        """Return a group of actuators by name. Raises ModelError for an unknown name."""
-        return ActuatorGroup(self, actuators)
+    def group(self, names: Sequence[str]) -> ActuatorGroup:
+        """Return joints by their names or those of their actuators or tendons, () for all that can be driven.
+
+        Raises:
+            ModelError: a name is unknown, or means an actuator that cannot be driven, or a joint comes twice.
+        """
+        return ActuatorGroup(self, names)
+
+    def drivable_joints(self, names: Sequence[str] = ()) -> tuple[DrivableJoint, ...]:
+        """Return the joints of some names, () for all that can be driven. Raises ModelError as ``group``."""
+        if not names:
+            return self._joints
+        chosen: list[DrivableJoint] = []
+        for name in names:
+            joint = self._joint_by_name.get(name)
+            if joint is None:
+                raise ModelError(self._why_not(name))
+            if joint in chosen:
+                other = names[chosen.index(joint)]
+                raise ModelError(f"{name!r} and {other!r} are the same joint {joint.name}: name it once")
+            chosen.append(joint)
+        return tuple(chosen)
+
+    def _why_not(self, name: str) -> str:
+        """Return why a name means no joint that can be driven."""
+        if name in self._refusals:
+            return f"the model's actuator {self._refusals[name]}, so it cannot be commanded to a position"
+        known = [joint.name for joint in self._joints]
+        near = get_close_matches(name, self._joint_by_name, n=1, cutoff=0.0)
+        nearest = f"did you mean {near[0]}? " if near else ""
+        return f"the model has no actuator {name!r}: {nearest}it has {', '.join(known) or 'none'}"
 
     def _take_from_keyframe(self, key: int, prefix: str) -> None:
         """Set the joints and actuators under a prefix to a keyframe."""
@@ -156,120 +204,3 @@ class Physics:
 
     def _name(self, joint: int) -> str:
         return self.model.joint(joint).name or f"joint number {joint}"
-
-
-class ActuatorGroup:
-    """A group of actuators of a model and the joints that they drive, in a given order.
-
-    Attributes:
-        names: actuators; joints: names of their joints.
-        range_min_rad, range_max_rad: limits of the joints, shape (N,); infinite where a joint has none.
-        goes_to_positions, goes_at_speeds: kind of command of each drive, shape (N,); neither for others.
-    """
-
-    def __init__(self, physics: Physics, actuators: Sequence[str]) -> None:
-        model = physics.model
-        known = [model.actuator(index).name for index in range(model.nu)]
-        self.names = tuple(actuators) or tuple(known)
-        for name in actuators:
-            if not name or name not in known:
-                near = get_close_matches(name, known, n=1, cutoff=0.0)
-                nearest = f"did you mean {near[0]}? " if near else ""
-                raise ModelError(
-                    f"the model has no actuator {name!r}: {nearest}it has {', '.join(known) or 'none'}"
-                )
-        # Not by name if all are meant, because several may have none.
-        wanted = [known.index(name) for name in actuators] if actuators else range(len(known))
-        ids = np.array(wanted, dtype=np.int64)
-        joints = model.actuator_trnid[ids, 0].astype(np.int64)
-        unfit = [
-            name
-            for name, index in zip(self.names, ids, strict=True)
-            if model.actuator_trntype[index] != mujoco.mjtTrn.mjTRN_JOINT
-        ]
-        if unfit:
-            raise ModelError(f"{', '.join(unfit)}: only actuators that drive one joint can be commanded")
-        self.joints = tuple(model.joint(int(joint)).name for joint in joints)
-        self._data = physics.data
-        self._ctrl: IntArray = ids
-        self._model = model
-        bias = model.actuator_biasprm[ids, 1]
-        affine = model.actuator_biastype[ids] == mujoco.mjtBias.mjBIAS_AFFINE
-        self.goes_to_positions: BoolArray = affine & (bias < 0)
-        self.goes_at_speeds: BoolArray = affine & (bias == 0)
-        self._qpos: IntArray = model.jnt_qposadr[joints].astype(np.int64)
-        self._dof: IntArray = model.jnt_dofadr[joints].astype(np.int64)
-        #: Command of each actuator: a position (radians), a velocity (rad/s) or a torque (N·m).
-        self.drives = tuple(_drive(model, int(index)) for index in ids)
-        limited = model.jnt_limited[joints].astype(bool)
-        ranges = model.jnt_range[joints]
-        self.range_min_rad: FloatArray = np.where(limited, ranges[:, 0], -np.inf)
-        self.range_max_rad: FloatArray = np.where(limited, ranges[:, 1], np.inf)
-        self.force_limit: FloatArray = np.where(
-            model.actuator_forcelimited[ids].astype(bool),
-            np.abs(model.actuator_forcerange[ids]).max(axis=1),
-            np.inf,
-        )
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-    @property
-    def ranges_rad(self) -> dict[str, tuple[float, float]]:
-        """Return lower and upper limit of each joint by name; infinite if it has none."""
-        ends = zip(self.range_min_rad.tolist(), self.range_max_rad.tolist(), strict=True)
-        return dict(zip(self.joints, ends, strict=True))
-
-    @property
-    def middle_rad(self) -> FloatArray:
-        """Middles of the joints' ranges, shape (N,); 0 for a joint without limits."""
-        middle = (self.range_min_rad + self.range_max_rad) / 2
-        return np.where(np.isfinite(middle), middle, 0.0)
-
-    @property
-    def position_rad(self) -> FloatArray:
-        """Positions of the joints, shape (N,), a copy."""
-        return np.asarray(self._data.qpos[self._qpos])
-
-    @property
-    def degrees_of_freedom(self) -> IntArray:
-        """Indices of the joints among the model's degrees of freedom, shape (N,)."""
-        return self._dof
-
-    @property
-    def velocity_rad_s(self) -> FloatArray:
-        """Speeds of the joints, shape (N,), a copy."""
-        return np.asarray(self._data.qvel[self._dof])
-
-    @property
-    def torque(self) -> FloatArray:
-        """Forces that the actuators apply, N·m, shape (N,), a copy."""
-        return np.asarray(self._data.actuator_force[self._ctrl])
-
-    @property
-    def command(self) -> FloatArray:
-        """Commands of the actuators, shape (N,), a copy."""
-        return np.asarray(self._data.ctrl[self._ctrl])
-
-    @property
-    def free_command(self) -> FloatArray:
-        """Commands for which the drives apply no force until the next step, shape (N,)."""
-        model, ids = self._model, self._ctrl
-        offset, per_rad, per_rad_s = model.actuator_biasprm[ids, :3].T
-        force = offset + per_rad * self.position_rad + per_rad_s * self.velocity_rad_s
-        return np.asarray(-force / model.actuator_gainprm[ids, 0])
-
-    def set_command(self, values: FloatArray) -> None:
-        """Command the actuators, shape (N,); the limits of the model apply."""
-        self._data.ctrl[self._ctrl] = values
-
-    def set_position(self, values: FloatArray) -> None:
-        """Set the joint positions at rest, shape (N,). Call ``mj_forward`` when all is set."""
-        self._data.qpos[self._qpos] = values
-        self._data.qvel[self._dof] = 0.0
-
-
-def _drive(model: mujoco.MjModel, actuator: int) -> str:
-    if model.actuator_biastype[actuator] != mujoco.mjtBias.mjBIAS_AFFINE:
-        return "torque"
-    return "position" if model.actuator_biasprm[actuator, 1] < 0 else "velocity"

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from joshua_mujoco_sim.physics import ActuatorGroup, Physics
+from joshua_mujoco_sim.actuator_group import ActuatorGroup
+from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.trajectories.trajectory import FloatArray, Trajectory
 
 #: Tolerance of joint limits, because recordings are rounded.
@@ -124,7 +125,8 @@ class Replay:
         for index in np.flatnonzero(over > LIMIT_TOLERANCE_RAD):
             joint, low, high = group.joints[index], group.range_min_rad[index], group.range_max_rad[index]
             found[f"limit {joint}"] = (
-                f"limit exceeded: {joint} at {position[index]:+.3f} rad, allowed {low:+.3f} to {high:+.3f}"
+                f"limit exceeded: {joint} at {position[index]:+.3f} {group.units[index]}, allowed {low:+.3f} "
+                f"to {high:+.3f}"
             )
         return found
 

@@ -25,6 +25,7 @@ from joshua_mujoco_sim.model_facts import (
     known_name,
     model_facts,
 )
+from joshua_mujoco_sim.settings_joints import JointDrive, check_drives, check_joints
 from joshua_mujoco_sim.settings_parts import (
     DatasetSettings,
     Render,
@@ -135,7 +136,7 @@ class SimulationSettings(BlockSettings):
             known_name("keyframe", "keyframe", self.keyframe, facts.keyframes)
         for index, mapping in enumerate(self.mirror_topic_mappings):
             field = f"mirror_topic_mappings[{index}].mujoco_actuator"
-            known_name(field, "actuator", mapping.mujoco_actuator, facts.actuators)
+            facts.known_actuator(field, mapping.mujoco_actuator)
         for index, render in enumerate(self.renders):
             known_name(f"renders[{index}].camera", "camera", render.camera, facts.cameras)
             check_output(index, render.output)
@@ -220,8 +221,10 @@ class SimActuatorSettings(ActuatorSettings):
     """Settings of actuators of the model.
 
     Attributes:
-        actuators: names in joint order; never empty.
-        joint_ranges: name and limits of each actuator's joint in the model.
+        actuators: names of joints, or of their actuators or tendons, in joint order; never empty.
+        drives: gains of position loops.
+        facts: of the model, while the file is checked; not part of the plan.
+        joint_ranges: name and limits of each joint in the model.
         calibration: None if the joints count from the model's zero.
         motion, motion_amplitude_rad, motion_frequency_hz, motion_file: motion with torque off.
         demonstrate: id of the demonstrator's task, "" for none; noise_rad: of its goals.
@@ -238,7 +241,9 @@ class SimActuatorSettings(ActuatorSettings):
     demonstrate: str = ""
     noise_rad: float = 0.0
     recoveries: float = 0.0
+    drives: tuple[JointDrive, ...] = ()
     model_path: str = ""
+    facts: Annotated[ModelFacts | None, Field(exclude=True)] = None
     joint_ranges: tuple[dict[str, Any], ...] = ()
     calibration: ArmCalibration | None = None
 
@@ -256,31 +261,24 @@ class SimActuatorSettings(ActuatorSettings):
         facts = facts_of(simulation)
         result["actuators"] = tuple(result.get("actuators") or facts.actuators)
         result["model_path"] = str(simulation.get("model_path") or "")
+        result["facts"] = facts
+        known = [facts.joints[name] for name in result["actuators"] if name in facts.joints]
         result["joint_ranges"] = [
             {
-                "name": facts.joints.get(name, name).rpartition("/")[2],
-                "min_rad": facts.ranges.get(name, (0.0, 0.0))[0],
-                "max_rad": facts.ranges.get(name, (0.0, 0.0))[1],
-                "known": name in facts.ranges,
-                "by_hand": name in facts.by_hand,
-                "torque_driven": name in facts.torque_driven,
-                "allowed": list(facts.actuators),
+                "name": joint.name.rpartition("/")[2],
+                "min_rad": joint.low,
+                "max_rad": joint.high,
+                "by_hand": joint.by_hand,
             }
-            for name in result["actuators"]
+            for joint in known
         ]
         return result
 
     @model_validator(mode="after")
     def _check(self) -> SimActuatorSettings:
-        for index, (name, joint) in enumerate(zip(self.actuators, self.joint_ranges, strict=False)):
-            if not joint["known"]:
-                known_name(f"actuators[{index}]", "actuator", name, joint["allowed"])
-            if joint["torque_driven"]:
-                raise FieldError(
-                    f"actuators[{index}]",
-                    f"the model's actuator {name!r} takes a torque, as <motor> does, and no position",
-                    remedy="use <position> or <velocity> in the model, or leave the actuator out",
-                )
+        if self.facts is not None:
+            check_joints(self.facts, self.actuators)
+            check_drives(self.facts, self.actuators, self.drives)
         if self.demonstrate and self.model_path and self.model_path != _DEMONSTRATED[self.demonstrate]:
             raise FieldError(
                 "demonstrate",

@@ -162,7 +162,8 @@ def check_recording(path: str, episodes: Sequence[int], unit: str, facts: ModelF
     place = Path(path)
     if not place.exists() or size_bytes(place) > LARGEST_CHECKED_BYTES:
         return
-    ranges = {facts.joints[actuator]: limits for actuator, limits in facts.ranges.items()}
+    joints = [facts.joints[name] for name in facts.actuators]
+    ranges = {joint.name: (joint.low, joint.high) for joint in joints}
     try:
         for recording in read_trajectories(place, episodes, unit):
             recording.for_joints(ranges)

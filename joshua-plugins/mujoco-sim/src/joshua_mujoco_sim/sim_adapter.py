@@ -16,10 +16,11 @@ from joshua.api.schema import data_type_pb2 as types
 from joshua.api.schema import simulation_pb2 as sim
 from joshua.api.simulation import Coupling, PhysicsCamera, PhysicsLink, RealDevice, SimAdapterError
 
+from joshua_mujoco_sim.drivable import Drivables, drivables
 from joshua_mujoco_sim.model_file import Attachment, ModelError, load_model
 from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.settings_parts import variation, variation_defaults
-from joshua_mujoco_sim.summary import actuated_joints, summarise
+from joshua_mujoco_sim.summary import summarise
 
 SCENE = "so_arm100/scene.xml"
 ARM = "so_arm100/so_arm100.xml"
@@ -49,14 +50,14 @@ def simulate(config: Any, devices: Sequence[RealDevice], emulated: bool) -> dict
     if emulated:
         arms = [device for device in arms if device.role != "ACTION_LEADER"]
     chosen_by_arm = {}
-    free = _facts(config.simulation)["actuators"]
+    free = _joints(config.simulation)
     # followers first, so the arm in the middle of the scene is an active one
     for device in sorted(arms, key=lambda arm: arm.role == "ACTION_LEADER"):
         prefix = ""
         if len(free) < len(device.joints):
             prefix = _attach_arm(config.simulation, device)
-            free = [name for name in _facts(config.simulation)["actuators"] if name.startswith(prefix)]
-        chosen = _actuators(device, free, prefix)
+            free = [name for name in _joints(config.simulation) if name.startswith(prefix)]
+        chosen = _actuators(device, free, prefix, drivables(_model(config.simulation)))
         free = [name for name in free if name not in chosen] if not prefix else []
         if emulated:
             chosen_by_arm[device.node_name] = chosen
@@ -66,7 +67,8 @@ def simulate(config: Any, devices: Sequence[RealDevice], emulated: bool) -> dict
         name: PhysicsLink(tuple(chosen), _start_rad(config.simulation, chosen))
         for name, chosen in chosen_by_arm.items()
     }
-    known = [name for name in _facts(config.simulation)["cameras"] if "/" not in name]
+    cameras = summarise(_model(config.simulation))["cameras"]
+    known = [name for name in cameras if "/" not in name]
     for device in devices:
         if device.joints:
             continue
@@ -94,7 +96,7 @@ def _attach_arm(simulation: Any, device: RealDevice) -> str:
     simulation.attached.add(
         model_path=ARM, prefix=prefix, position_m=(side * (number // 2 + 1) * ARM_SPACING_M, 0.0, 0.0)
     )
-    if len(device.joints) > len(_facts(simulation)["actuators"]):
+    if len(device.joints) > len(_joints(simulation)):
         raise SimAdapterError(
             f"{device.node_name} has {len(device.joints)} joints, more than an arm of the simulation: "
             "name a model with that many actuators in simulation.model_path"
@@ -102,13 +104,15 @@ def _attach_arm(simulation: Any, device: RealDevice) -> str:
     return prefix
 
 
-def _actuators(device: RealDevice, free: Sequence[str], prefix: str) -> list[str]:
-    """Actuators by the names of the joints, else in the order of the model, for a chain of motors or as many.
+def _actuators(device: RealDevice, free: Sequence[str], prefix: str, found: Drivables) -> list[str]:
+    """Joints by their names, else in the order of the model, for a chain of motors or as many.
 
     Any other device is none that the model has, and some part of an arm would move in its place.
     """
-    named = [f"{prefix}{joint}" for joint in device.joints]
-    if all(name in free for name in named):
+    joints = found.by_name()
+    meant = [joints.get(f"{prefix}{joint}") for joint in device.joints]
+    named = [joint.name for joint in meant if joint is not None and joint.name in free]
+    if len(set(named)) == len(device.joints):
         return named
     count = len(device.joints)
     if len(free) != count and not (device.in_chain and len(free) > count):
@@ -148,9 +152,8 @@ def _replace_camera(device: RealDevice, camera: str) -> None:
     simulated.width, simulated.height, simulated.fps = width, height, fps
 
 
-def _facts(simulation: Any) -> dict[str, Any]:
-    model = _model(simulation)
-    return {"actuators": list(actuated_joints(model)), "cameras": summarise(model)["cameras"]}
+def _joints(simulation: Any) -> list[str]:
+    return [joint.name for joint in drivables(_model(simulation)).joints]
 
 
 def _model(simulation: Any) -> mujoco.MjModel:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import mujoco
 
 from joshua_mujoco_sim.cameras import camera_names
+from joshua_mujoco_sim.drivable import drivables
 
 _TYPES = {
     mujoco.mjtJoint.mjJNT_FREE: ("free", ""),
@@ -18,7 +18,8 @@ _TYPES = {
 
 
 def summarise(model: mujoco.MjModel) -> dict[str, Any]:
-    """List named joints with their ranges, actuators, cameras and keyframes; mass in kg, time step in s."""
+    """List joints with a name, what can be driven, cameras and keyframes; mass in kg, time step in s."""
+    found = drivables(model)
     joints = []
     for index in range(model.njnt):
         joint = model.joint(index)
@@ -30,44 +31,20 @@ def summarise(model: mujoco.MjModel) -> dict[str, Any]:
         "mass_kg": float(model.body_mass.sum()),
         "timestep_s": float(model.opt.timestep),
         "joints": joints,
-        "actuators": [model.actuator(index).name for index in range(model.nu)],
+        "actuators": [joint.name for joint in found.joints],
+        "drivable": [
+            {
+                "name": joint.name,
+                "names": list(joint.names),
+                "unit": joint.unit,
+                "range": [joint.low, joint.high],
+                "limited": joint.limited,
+                "kind": joint.kind,
+                "driven_by": joint.how,
+            }
+            for joint in found.joints
+        ],
+        "not_drivable": [{"name": one.actuator, "reason": one.reason} for one in found.refusals],
         "cameras": camera_names(model),
         "keyframes": [model.key(index).name for index in range(model.nkey)],
     }
-
-
-def actuated_joints(model: mujoco.MjModel) -> dict[str, tuple[str, float, float]]:
-    """Return joint and limits in radians by actuator; without limits, one turn to both sides."""
-    found = {}
-    for index in range(model.nu):
-        if model.actuator_trntype[index] != mujoco.mjtTrn.mjTRN_JOINT:
-            continue
-        joint = int(model.actuator_trnid[index, 0])
-        low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-math.tau, math.tau)
-        found[model.actuator(index).name] = (model.joint(joint).name, float(low), float(high))
-    return found
-
-
-def torque_driven(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Return the actuators that accept only a torque, such as ``<motor>``."""
-    affine = model.actuator_biastype == mujoco.mjtBias.mjBIAS_AFFINE
-    takes_goals = affine & (model.actuator_biasprm[:, 1] <= 0)
-    return tuple(model.actuator(index).name for index in range(model.nu) if not takes_goals[index])
-
-
-#: Smallest and largest range of joints that can be calibrated by hand.
-SMALLEST_RANGE_RAD, LARGEST_RANGE_RAD = math.radians(20), math.tau + 1e-3
-
-
-def turned_by_hand(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Return the actuators of joints between two stops, which can be calibrated."""
-    found = []
-    for index in range(model.nu):
-        joint = int(model.actuator_trnid[index, 0])
-        if model.actuator_trntype[index] != mujoco.mjtTrn.mjTRN_JOINT or not model.jnt_limited[joint]:
-            continue
-        low, high = model.jnt_range[joint]
-        is_hinge = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
-        if is_hinge and SMALLEST_RANGE_RAD <= high - low <= LARGEST_RANGE_RAD:
-            found.append(model.actuator(index).name)
-    return tuple(found)

@@ -14,8 +14,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import mujoco
-
 from joshua_mujoco_sim.model_file import Attachment, load_model
 from joshua_mujoco_sim.physics import DivergenceError, Physics
 from joshua_mujoco_sim.variation import Variation
@@ -283,7 +281,7 @@ class World:
             while done < count and not self._jobs:
                 for hook in tuple(self._before):
                     hook(physics)
-                mujoco.mj_step(physics.model, physics.data)
+                physics.step_unchecked()
                 for hook in tuple(self._after):
                     hook(physics)
                 done += 1

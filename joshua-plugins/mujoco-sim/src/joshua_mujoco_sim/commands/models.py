@@ -69,7 +69,30 @@ def _text(name: str, facts: dict[str, Any]) -> str:
         limits = joint["range"]
         text = f"{limits[0]:+.3f} to {limits[1]:+.3f} {joint['unit']}" if limits else "no limit"
         lines.append(f"  {joint['name']:<24} {joint['type']:<6} {text}")
-    lines.append("actuators: " + (", ".join(facts["actuators"]) or "none"))
-    lines.append("cameras: " + (", ".join(facts["cameras"]) or "none"))
-    lines.append("keyframes: " + (", ".join(facts["keyframes"]) or "none"))
+    lines.append("can be driven, and what drives it:" if facts["drivable"] else "can be driven: none")
+    for joint in facts["drivable"]:
+        low, high = joint["range"]
+        limits = f"{low:+.3f} to {high:+.3f} {joint['unit']}" + ("" if joint["limited"] else ", no limit")
+        others = [name for name in joint["names"] if name != joint["name"]]
+        also = f"; also named {', '.join(others)}" if others else ""
+        lines.append(f"  {joint['name']:<24} {limits}: {joint['driven_by']}{also}")
+    if facts["not_drivable"]:
+        lines.append("cannot be driven to a position:")
+        lines += [f"  {one['name']} {one['reason']}" for one in facts["not_drivable"]]
+    lines.append("cameras: " + (", ".join(filter(None, facts["cameras"])) or "none"))
+    lines.append("keyframes: " + (", ".join(filter(None, facts["keyframes"])) or "none"))
+    if facts["drivable"]:
+        lines += ["", *_block(facts["drivable"])]
     return "\n".join(lines)
+
+
+def _block(joints: list[dict[str, Any]]) -> list[str]:
+    """Return the block of a configuration that drives these joints."""
+    names = ",\n    ".join(json.dumps(joint["name"]) for joint in joints)
+    lines = ["sim_config {", f"  actuators: [\n    {names}\n  ]"]
+    looped = [joint for joint in joints if joint["kind"] != "position"]
+    if looped:
+        lines.append("  # optional, for joints that a position loop drives:")
+        name = json.dumps(looped[0]["name"])
+        lines.append(f"  # drives {{ joint: {name} position_gain: 40 velocity_gain: 2 }}")
+    return [*lines, "}"]
