@@ -115,6 +115,7 @@ def test_emulated_arms_go_through_it_by_themselves(tmp_path: Path, env: dict[str
     assert done.returncode == 0, done.stdout + done.stderr
     assert "the emulated arms perform all steps by themselves" in done.stdout
     assert "calibrated: leader_arm." in done.stdout
+    assert "is mirrored: set inverted: true in its entry of" in done.stdout
     assert not (tmp_path / "calibration").exists(), "the file beside the configuration is that of real arms"
     (file,) = (tmp_path / "state").rglob("so-arm100.pbtxt")
     assert 'node_name: "leader_arm"' in file.read_text()

@@ -20,6 +20,7 @@ LOCK_TIMEOUT_S = 5.0
 HEADER = """# Calibration of the arms of one robot, written by joshua.
 # Every configuration with its general.id loads it.
 # Servos that remember their calibration hold the same values: calibrate again instead of changing them here.
+# Only `inverted` is not in the servos: set `inverted: true` for a joint that is mounted in mirror image.
 
 """
 

@@ -187,6 +187,10 @@ def _conclude(session: Session, arms: Sequence[Arm], front_ends: Sequence[FrontE
         lines.append(
             f"calibrated: {', '.join(done)}. Run joshua calibrate --check to compare file and servos."
         )
+        lines.append(
+            "A joint that turns the other way than its partner on the other arm is mirrored: set inverted: "
+            f"true in its entry of {next(arm.file.path for arm in arms if arm.state is ArmState.DONE)}."
+        )
     if rest:
         lines.append(f"{reason if not code else 'ended'}; not calibrated: {', '.join(rest)}.")
         if not code:

@@ -80,13 +80,15 @@ class Physics:
             if name.endswith(f"/{wanted}")
         ]
         self._speed: FloatArray = np.zeros(model.nv)
+        mujoco.mj_forward(model, self.data)
         found = drivables(model)
         self._joints = found.joints
         self._joint_by_name = found.by_name()
         self._refusals = found.refused()
         looped = [joint for joint in found.joints if must_be_driven_each_step(model, joint)]
         #: Drives the joints whose actuators do not take positions; ``loop_places`` has their places in it.
-        self.loop = PositionLoop(model, self.data, looped)
+        others = [joint for joint in found.joints if joint not in looped]
+        self.loop = PositionLoop(model, self.data, looped, others)
         self.loop_places = {joint.name: place for place, joint in enumerate(looped)}
         self._varier = Varier(model, variation) if variation else None
         self._starts = 0

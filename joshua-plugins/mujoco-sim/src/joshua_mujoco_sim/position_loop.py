@@ -32,8 +32,14 @@ LARGEST_PHASE_STEP = 0.2
 #: Share of a joint's force that is planned for braking before the goal.
 BRAKING_SHARE = 0.5
 
-#: Time constant of the estimate of what else acts on the joints.
-DISTURBANCE_S = 0.05
+#: Time constant of the estimate of the constraint forces; a shorter one makes legs on the ground swing.
+CONSTRAINT_S = 0.5
+
+#: Share of a joint's range over which the compensation of dry friction rises to all of it.
+FRICTION_SHARE = 0.002
+
+#: Shortest time in which a joint crosses its range.
+CROSSING_S = 0.4
 
 #: Simulated time after which inertia and damping are computed again.
 REFRESH_S = 0.01
@@ -52,9 +58,16 @@ class PositionLoop:
 
     Args:
         model: the compiled model; data: its state; joints: that the loop may drive.
+        others: further joints that actuators move.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, joints: Sequence[DrivableJoint]) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        joints: Sequence[DrivableJoint],
+        others: Sequence[DrivableJoint] = (),
+    ) -> None:
         self._model, self._data = model, data
         self._drives = Drives(model, data, joints)
         self._coordinates = Coordinates(model, data, joints)
@@ -64,10 +77,21 @@ class PositionLoop:
         self._takes_positions = np.array([joint.kind == "position" for joint in joints], np.bool_)
         self._goal: FloatArray = np.full(count, np.nan)
         self._gains: FloatArray = np.full((2, count), np.nan)
-        self._motion: FloatArray = np.zeros((model.nv, count))
+        #: Degrees of freedom that no actuator moves, such as those of a floating base.
+        self._passive = ~_moved(model, data, (*joints, *others))
+        self._reduced: FloatArray = np.zeros((count, model.nv))
         self._inertia: FloatArray = np.zeros((count, count))
         self._damping: FloatArray = np.zeros(count)
-        self._disturbance: FloatArray = np.zeros(model.nv)
+        self._friction: FloatArray = np.zeros(count)
+        self._has_friction = bool(model.dof_frictionloss.any())
+        self._friction_width = np.array([FRICTION_SHARE * (joint.high - joint.low) for joint in joints])
+        self._constraint: FloatArray = np.zeros(model.nv)
+        #: Degrees of freedom whose gravity compensation counts as a force of their actuators.
+        self._compensates_gravity = model.jnt_actgravcomp[model.dof_jntid].astype(bool)
+        explicit = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+        #: Damping that is integrated implicitly acts within a step, as if it added to the inertia.
+        self._implicit_s = 0.0 if explicit else float(model.opt.timestep)
+        self._fastest = np.array([(joint.high - joint.low) / CROSSING_S for joint in joints])
         self._refreshed_s = -np.inf
 
     def set_goals(self, places: IntArray, goals: FloatArray) -> None:
@@ -86,7 +110,7 @@ class PositionLoop:
         """Drive no joint any more."""
         self._goal[:] = np.nan
         self._refreshed_s = -np.inf
-        self._disturbance[:] = 0.0
+        self._constraint[:] = 0.0
 
     @property
     def active(self) -> bool:
@@ -102,45 +126,50 @@ class PositionLoop:
         if pushed.any():
             position = self._coordinates.position()
             self._refresh(position)
-            self._estimate_disturbance(pushed)
             force = self._force(position, pushed)
             self._drives.push(np.where(pushed, force, np.nan), position)
 
     def _force(self, position: FloatArray, pushed: BoolArray) -> FloatArray:
         """Return the force on each joint, N·m or N, without the braking by the actuators themselves."""
-        data = self._data
         velocity = self._coordinates.velocity()
         error = np.where(pushed, self._goal - position, 0.0)
-        load = data.qfrc_bias - data.qfrc_spring - data.qfrc_gravcomp + self._disturbance
-        weight = np.where(pushed, self._motion.T @ load, 0.0)
-        wanted = self._wanted_velocity(error, weight, position)
+        weight = np.where(pushed, self._reduced @ self._load(), 0.0)
+        limit = self._drives.force_limit(position)
+        wanted = self._wanted_velocity(error, weight, limit)
         # a joint that the loop does not drive counts as one at rest
         acceleration = np.where(pushed, 2 * self._frequency * (wanted - velocity), 0.0)
         force = self._inertia @ acceleration + 2 * self._damping * wanted
         position_gain, velocity_gain = self._gains
         force = np.where(np.isfinite(position_gain), position_gain * error - velocity_gain * velocity, force)
-        return np.asarray(force + weight)
+        return np.asarray(force + weight + self._against_friction(error))
 
-    def _wanted_velocity(self, error: FloatArray, weight: FloatArray, position: FloatArray) -> FloatArray:
+    def _wanted_velocity(self, error: FloatArray, weight: FloatArray, limit: FloatArray) -> FloatArray:
         """Return the velocity towards the goal, from which the joint can still brake."""
-        limit = self._drives.force_limit(position)
         spare = np.maximum(limit - np.abs(weight), 0.1 * limit)
         deceleration = BRAKING_SHARE * spare / self._inertia.diagonal()
-        fastest = np.sqrt(2 * deceleration * np.abs(error))
+        fastest = np.minimum(np.sqrt(2 * deceleration * np.abs(error)), self._fastest)
         return np.clip(self._frequency / 2 * error, -fastest, fastest)
 
-    def _estimate_disturbance(self, pushed: BoolArray) -> None:
-        """Estimate the forces that the joints need because of contacts, friction, and other moving joints.
+    def _against_friction(self, error: FloatArray) -> FloatArray:
+        """Return the force that overcomes dry friction, less of it near the goal."""
+        stable = self._friction / self._inertia.diagonal() * (self._model.opt.timestep / 0.3) ** 2
+        width = np.maximum(self._friction_width, stable)
+        return np.asarray(self._friction * np.clip(error / width, -1.0, 1.0))
 
-        It takes them from the last step, smoothed: a push against an obstacle grows to the force limit.
+    def _load(self) -> FloatArray:
+        """Return the force on each degree of freedom that keeps it from accelerating, shape (nv,).
+
+        Contacts and coupled joints count as in the last steps, smoothed: a push against an obstacle grows to
+        the force limit. The dry friction of joints does not count.
         """
-        model, data = self._model, self._data
-        moved = (self._motion[:, pushed] != 0.0).any(axis=1)
-        needed = np.zeros(model.nv)
-        mujoco.mj_mulM(model, data, needed, np.where(moved, 0.0, data.qacc))
-        needed -= data.qfrc_constraint
-        share = min(1.0, float(model.opt.timestep) / DISTURBANCE_S)
-        self._disturbance += share * (needed - self._disturbance)
+        data = self._data
+        share = min(1.0, float(self._model.opt.timestep) / CONSTRAINT_S)
+        constraint = data.qfrc_constraint
+        if self._has_friction:
+            constraint = constraint - _dry_friction(self._model, data)
+        self._constraint += share * (constraint - self._constraint)
+        compensated = np.where(self._compensates_gravity, data.qfrc_gravcomp, 0.0)
+        return np.asarray(data.qfrc_bias - data.qfrc_passive - compensated - self._constraint)
 
     def _refresh(self, position: FloatArray) -> None:
         """Compute inertia, damping and friction at the present positions, if they are old."""
@@ -149,10 +178,32 @@ class PositionLoop:
             return
         self._refreshed_s = float(data.time)
         motion = self._coordinates.motion()
-        product = np.zeros(model.nv)
-        for place in range(motion.shape[1]):
-            mujoco.mj_mulM(model, data, product, np.ascontiguousarray(motion[:, place]))
-            self._inertia[:, place] = motion.T @ product
+        mass = np.zeros((model.nv, model.nv))
+        for dof, column in enumerate(np.eye(model.nv)):
+            mujoco.mj_mulM(model, data, mass[dof], column)
+        mass += np.diag(self._implicit_s * model.dof_damping)
+        reduced = motion.T.copy()
+        passive = np.flatnonzero(self._passive)
+        if passive.size:
+            own = mass[np.ix_(passive, passive)]
+            shared = motion.T @ mass[:, passive]
+            reduced[:, passive] -= np.linalg.solve(own, shared.T).T
+        self._reduced = reduced
+        self._inertia = reduced @ mass @ motion
         np.fill_diagonal(self._inertia, np.maximum(self._inertia.diagonal(), 1e-9))
-        self._damping = (motion**2).T @ model.dof_damping + self._drives.damping(position)
-        self._motion = motion
+        self._damping = self._drives.damping(position)
+        self._friction = np.abs(motion).T @ model.dof_frictionloss
+
+
+def _moved(model: mujoco.MjModel, data: mujoco.MjData, joints: Sequence[DrivableJoint]) -> BoolArray:
+    """Return which degrees of freedom move with some joints, shape (nv,)."""
+    motion = Coordinates(model, data, joints).motion()
+    return np.asarray((motion != 0).any(axis=1))
+
+
+def _dry_friction(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
+    """Return the forces of dry friction in the last step, shape (nv,)."""
+    rows = np.flatnonzero(data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF))
+    forces = np.zeros(model.nv)
+    forces[data.efc_id[rows]] = data.efc_force[rows]
+    return forces
