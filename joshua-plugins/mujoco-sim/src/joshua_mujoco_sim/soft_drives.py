@@ -1,8 +1,8 @@
 """Goals for position drives that are too soft for the loads of their joints.
 
-A position drive of a model is a spring: under a load, its joint comes to rest away from its goal. A small
-droop is the character of a servo and stays. What is beyond it, the goal of the drive makes up for, unless the
-joint touches something, which a stronger drive would squeeze.
+A position drive of a model is a spring: under a load, its joint comes to rest away from its goal. A small droop is
+the character of a servo and stays. What is beyond it, the goal of the drive makes up for, unless the joint touches
+something, which a stronger drive would squeeze.
 """
 
 from __future__ import annotations
