@@ -13,7 +13,6 @@ from joshua_mujoco_sim.model_file import ModelError
 from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.position_loop import Gains
 from joshua_mujoco_sim.settings import SimActuatorSettings, SimulationSettings
-from joshua_mujoco_sim.soft_drives import SoftDrives
 from joshua_mujoco_sim.world import World, leave_world, shared_world
 
 if TYPE_CHECKING:
@@ -47,7 +46,6 @@ class SimActuator(Actuator):
         self._world: World | None = None
         self._group: ActuatorGroup | None = None
         self._goal: FloatArray | None = None
-        self._soft_drives: SoftDrives | None = None
         self._is_free = False
         self._motion: Motion | None = None
         self._motion_start_s = 0.0
@@ -95,8 +93,6 @@ class SimActuator(Actuator):
         """Enable the torque of all joints at their present positions."""
         world, group = self._joined("enable")
         with world.lock:
-            assert self._soft_drives is not None
-            self._soft_drives.reset()
             self._goal = self._angles(group)
 
     def write(self, goal_rad: FloatArray) -> FloatArray:
@@ -149,7 +145,6 @@ class SimActuator(Actuator):
             if place is not None:
                 group.set_gains(place, Gains(drive.position_gain, drive.velocity_gain))
         self._group, self._motion, self._goal, self._is_free = group, motion, None, False
-        self._soft_drives = SoftDrives(world.physics, group)
         self._motion_start_s = world.physics.time_s
         self._world = world
         if self.settings.demonstrate:
@@ -169,16 +164,14 @@ class SimActuator(Actuator):
         group = self._group
         if group is None:
             return
+        position = group.position_rad
         goal = self._goal
         if goal is None and self._motion is not None:
             goal = self._own_motion(physics)
-        if goal is not None:
-            assert self._soft_drives is not None
-            group.set_command(self._soft_drives.shifted(self._zero + self._sign * goal))
-        elif self._is_free:
+        if goal is None and self._is_free:
             group.let_go()
-        else:
-            group.set_command(group.position_rad)
+            return
+        group.set_command(position if goal is None else self._zero + self._sign * goal)
 
     def _angles(self, group: ActuatorGroup) -> FloatArray:
         """Return the joint positions about their zeros. The caller holds the lock."""

@@ -108,10 +108,6 @@ class ActuatorGroup:
         """Stall forces of the actuators at the joints, N·m or N, shape (N,)."""
         return self._drives.scale(self.position_rad, self._physics.stall_forces)
 
-    def along(self, forces: FloatArray) -> FloatArray:
-        """Return what forces on the degrees of freedom, shape (nv,), are on the joints, shape (N,)."""
-        return np.asarray(self._coordinates.motion().T @ forces)
-
     @property
     def command(self) -> FloatArray:
         """Goals of the joints, shape (N,), a copy; the present position of a joint without one."""
