@@ -7,15 +7,32 @@ import shlex
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
+from emulated_teleop import PRESET, teleoperation
 from guarded_arm import HOLD, RELEASE, Rig, park, running
+from joshua_emulator import EmulatedBus, EmulatedEncoder
 from processes import descendants_of
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes in /proc")
 
 HOLDS = "/follower_arm holds its position with torque. To release it, which lets it sink: "
+
+
+ENCODER = """
+robot {
+  perceptions {
+    node {
+      node_name: "wheel" node_id: 9
+      publishers { data_type: JOINT_STATE topic_name: "/wheel/joint_states" publish_rate_hz: 50.0 }
+    }
+    perception_type: PERCEPTION_ENCODER
+    encoder_config { comm { serial { port: "PORT" baudrate: 115200 } } protocol: "as5600" resolution: 4096 }
+  }
+}
+"""
 
 
 def last_line(output: str) -> str:
@@ -72,6 +89,52 @@ def test_an_arm_without_torque_is_not_mentioned(
         assert rig.energised() == {False}
         assert last_line(output) == "this run left no torque on"
         assert rig.joshua("status").stdout == "no system is running\n"
+
+
+def test_after_an_estop_the_last_line_names_the_command_that_releases_it(
+    tmp_path: Path, joshua_domain_id: int
+) -> None:
+    with running(tmp_path, joshua_domain_id, HOLD) as rig:
+        assert rig.joshua("estop").returncode == 0
+        output = rig.stop()
+        assert rig.process.returncode == 1, output
+        assert rig.energised() == {False}
+        said, _, command = last_line(output).rpartition(": ")
+        assert said == "this run left no torque on, and the e-stop stays latched; look at the robot, then"
+        assert command == "joshua estop --release"
+        assert rig.joshua(*command.split()[1:]).returncode == 0
+        assert rig.joshua("status").stdout == "no system is running\n"
+
+
+def test_after_ctrl_c_during_the_start_the_last_line_names_the_command_that_starts_it_again(
+    tmp_path: Path, joshua_domain_id: int
+) -> None:
+    with (
+        EmulatedEncoder("as5600", fault=["silent"]) as silent,
+        EmulatedBus(arm="so_arm100", calibrated=True, identity="LEADER") as leader,
+        EmulatedBus(arm="so_arm100", calibrated=True, identity="FOLLOWER") as follower,
+    ):
+        (tmp_path / "encoder.pbtxt").write_text(ENCODER.replace("PORT", silent.port))
+        text = f'include: "encoder.pbtxt"\n{PRESET.read_text()}'
+        with teleoperation(leader, follower, tmp_path, joshua_domain_id, text=text) as process:
+            logs, begun = tmp_path / "log", '"node": "/wheel", "text": "step: configure"'
+            deadline_s = time.monotonic() + 60
+            # The start waits seconds for a line of the encoder.
+            while not any(begun in path.read_text() for path in logs.glob("*.jsonl")):
+                assert time.monotonic() < deadline_s
+                time.sleep(0.02)
+            process.send_signal(signal.SIGINT)
+            output = process.communicate(timeout=60)[0]
+            assert process.returncode == 130, output
+            assert not any(servo["energised"] for servo in follower.servos())
+            said, _, command = last_line(output).partition("; to start it again: ")
+            assert said == "this run left no torque on", output
+            words = shlex.split(command)
+            assert words[:2] == ["joshua", "--config"]
+            again = subprocess.run(
+                [sys.executable, "-m", "joshua.cli.main", *words[1:], "--validate-only"], text=True
+            )
+            assert again.returncode == 0
 
 
 def test_an_arm_that_was_left_by_killed_processes_is_named_after_a_failed_start(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -13,22 +12,13 @@ import pytest
 from joshua.messages import encode, make
 from joshua.testing.domain import reserved_domain
 from joshua.testing.program import JoshuaProgram
+from leader_and_copy import LEADER_AND_COPY
+from second_user import SecondUser, needs_second_user
 
-STRANGER = 61234
 ATTACK = Path(__file__).parents[1] / "core/transport/programs/other_user.py"
-ROBOT = """
-general { mode: MODE_TELEOPERATE name: "bench" id: "bench-001" }
+#: An arm beside those two, which every node of this user may command.
+FREE = """
 robot {
-  actions {
-    node { node_name: "arm" node_id: 1
-      publishers { data_type: JOINT_STATE topic_name: "/arm/joint_states" publish_rate_hz: 20 } }
-    action_type: ACTION_LEADER mock_motor_config { num_motors: 2 position_max: 4095 }
-  }
-  actions {
-    node { node_name: "copy" node_id: 2
-      subscriptions { data_type: JOINT_STATE topic_name: "/arm/joint_states" } }
-    action_type: ACTION_FOLLOWER mock_motor_config { num_motors: 2 position_max: 4095 }
-  }
   actions {
     node { node_name: "free" node_id: 3
       subscriptions { data_type: JOINT_STATE topic_name: "/free/joint_commands" external: true }
@@ -38,15 +28,14 @@ robot {
 }
 """
 
-pytestmark = pytest.mark.skipif(
-    os.geteuid() != 0 or not sys.platform.startswith("linux"),
-    reason="only root can start a program of another user, and only Linux tells whose a connection is",
-)
+pytestmark = needs_second_user
 
 
 @pytest.fixture
 def joshua(tmp_path: Path) -> Iterator[JoshuaProgram]:
-    (tmp_path / "robot.pbtxt").write_text(ROBOT, encoding="utf-8")
+    robot = f'include: "free.pbtxt"\n{LEADER_AND_COPY}'
+    (tmp_path / "robot.pbtxt").write_text(robot, encoding="utf-8")
+    (tmp_path / "free.pbtxt").write_text(FREE, encoding="utf-8")
     with reserved_domain() as domain_id:
         program = JoshuaProgram(tmp_path, domain_id, {"RMW_IMPLEMENTATION": "rmw_zenoh_cpp"})
         yield program
@@ -64,7 +53,9 @@ def attack(joshua: JoshuaProgram, user: int) -> dict[str, int]:
     return found
 
 
-def test_another_user_commands_nothing_and_calls_no_service(joshua: JoshuaProgram) -> None:
+def test_another_user_commands_nothing_and_calls_no_service(
+    joshua: JoshuaProgram, second_user: SecondUser
+) -> None:
     run = joshua.start("--config", "robot.pbtxt")
     assert run.stdout is not None
     table = []
@@ -75,7 +66,7 @@ def test_another_user_commands_nothing_and_calls_no_service(joshua: JoshuaProgra
     text = "".join(table)
     assert "commands: from this user and root; other users of this machine can only watch" in text
 
-    stranger = attack(joshua, STRANGER)
+    stranger = attack(joshua, second_user.uid)
     assert stranger["topics"] > 4
     assert stranger["calls"] > 20, "parameters, lifecycle states and verbs of three arms"
     assert stranger["answers"] == 0

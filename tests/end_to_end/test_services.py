@@ -8,22 +8,8 @@ from typing import Any
 import pytest
 from joshua.testing.domain import reserved_domain
 from joshua.testing.program import JoshuaProgram
+from leader_and_copy import LEADER_AND_COPY
 
-ROBOT = """
-general { mode: MODE_TELEOPERATE name: "bench" id: "bench-001" }
-robot {
-  actions {
-    node { node_name: "arm" node_id: 1
-      publishers { data_type: JOINT_STATE topic_name: "/arm/joint_states" publish_rate_hz: 20 } }
-    action_type: ACTION_LEADER mock_motor_config { num_motors: 2 position_max: 4095 }
-  }
-  actions {
-    node { node_name: "copy" node_id: 2
-      subscriptions { data_type: JOINT_STATE topic_name: "/arm/joint_states" } }
-    action_type: ACTION_FOLLOWER mock_motor_config { num_motors: 2 position_max: 4095 }
-  }
-}
-"""
 BESIDE: list[Callable[..., Any]] = []
 PARAMETERS = (
     "describe_parameters",
@@ -39,7 +25,7 @@ PARAMETERS = (
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Any]]:
     """Runs ``joshua service`` beside a running robot."""
     folder = tmp_path_factory.mktemp("services")
-    (folder / "robot.pbtxt").write_text(ROBOT, encoding="utf-8")
+    (folder / "robot.pbtxt").write_text(LEADER_AND_COPY, encoding="utf-8")
     with reserved_domain() as domain_id:
         joshua = JoshuaProgram(folder, domain_id)
         place = f'transport {{ kind: TRANSPORT_ZENOH listen_endpoints: "{joshua.router}" }}'

@@ -20,8 +20,9 @@ from joshua_onnx.exporting import export
 from joshua_onnx.model import OnnxModel
 from joshua_onnx.settings import OnnxSettings
 from joshua_ppo_trainer.acting import PpoModel
-from joshua_ppo_trainer.acting_settings import SHIPPED, PpoPolicySettings
+from joshua_ppo_trainer.acting_settings import PpoPolicySettings
 from joshua_ppo_trainer.policy import Policy
+from joshua_ppo_trainer.shipped import REACH
 from safetensors.torch import save_file
 from test_policies import JOINTS, model_of, observation
 
@@ -59,7 +60,7 @@ from joshua.api import JointSpace, Observation
 from joshua_onnx.model import OnnxModel
 from joshua_onnx.settings import OnnxSettings
 from joshua_ppo_trainer.acting import PpoModel
-from joshua_ppo_trainer.acting_settings import SHIPPED, PpoPolicySettings
+from joshua_ppo_trainer.acting_settings import PpoPolicySettings
 from joshua_ppo_trainer.policy import Policy
 model = OnnxModel(OnnxSettings(weights={str(act[1])!r}), JointSpace(tuple("abcdef"), -np.ones(6), np.ones(6)))
 model.load()
@@ -157,7 +158,7 @@ def test_a_policy_of_ppo_is_exported_and_acts_the_same(
     step = run / "checkpoints" / "step_000000000100"
     step.mkdir(parents=True)
     (run / "run.json").write_text("{}")
-    about = json.loads((SHIPPED / "policy.json").read_text())
+    about = json.loads((REACH / "policy.json").read_text())
     moments = {"mean": draw.normal(0, 1, 30).tolist(), "variance": draw.uniform(0.5, 2, 30).tolist()}
     about |= {"algorithm": algorithm, "activation": activation}
     about |= {"normalisation": moments if normalised else None}

@@ -210,12 +210,13 @@ def test_each_is_valid_and_only_what_comes_from_elsewhere_is_noted(
     preset: Preset, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.chdir(FOLDER)
-    loaded = load(f"{preset.name}.pbtxt", message_types=load_registry().message_modules())
-    found = [*loaded.diagnostics, *check(loaded), *check_mode(loaded), *check_paths(loaded, launch=False)]
+    registry = load_registry()
+    loaded = load(f"{preset.name}.pbtxt", message_types=registry.message_modules())
+    files = check_paths(loaded, launch=False, packaged_weights=registry.packaged_weights)
+    found = [*loaded.diagnostics, *check(loaded), *check_mode(loaded), *files]
     assert {(item.code, item.severity) for item in found} <= {
         ("input-file-missing", Severity.NOTE),
         ("dataset-missing", Severity.NOTE),
-        ("weights-not-found", Severity.NOTE),
         ("mapping-unpublished", Severity.NOTE),
     }
     assert len(found) <= 2, "a note is worth reading once"

@@ -1,4 +1,4 @@
-"""Emulated runs that start beside four busy processes: none fails, none warns of silent servos.
+"""Emulated runs that start beside four busy processes: none fails, none takes a delay for a silent servo.
 
 Each run has two arms. `stress-ng --cpu 4` computes beside them where it is installed, otherwise four Python
 loops do.
@@ -29,7 +29,10 @@ BUSY = "while True: pass"
 START_TIMEOUT_S = 600.0
 
 #: Lines of a log that blame a device.
-BLAMES = ("no servo answers", "does not answer", "no longer answers", "no reply", "the adapter is gone")
+BLAMES = ("no servo answers", "does not answer", "no longer answers", "the adapter is gone")
+
+#: Lines of a log that tell of a delay. The emulated servos are processes of the same machine.
+DELAYS = ("no reply for",)
 
 
 @contextlib.contextmanager
@@ -46,8 +49,8 @@ def busy_processes() -> Iterator[None]:
             process.wait()
 
 
-def start(folder: Path, domain_id: int) -> tuple[float, str]:
-    """Starts a run that lasts a second; returns its whole duration and what went wrong, "" for nothing."""
+def start(folder: Path, domain_id: int) -> tuple[float, str, str]:
+    """Starts a run that lasts a second; returns its whole duration, what went wrong, and what was delayed."""
     (folder / "run").mkdir(mode=0o700)
     environment = {
         **os.environ,
@@ -76,27 +79,36 @@ def start(folder: Path, domain_id: int) -> tuple[float, str]:
     )
     took_s = time.monotonic() - began_s
     output = result.stdout + result.stderr
-    blames = [line for line in output.splitlines() if any(blame in line for blame in BLAMES)]
+    blames = lines_with(BLAMES, output)
     if result.returncode:
-        return took_s, f"exit code {result.returncode}:\n{output}"
-    return took_s, "\n".join(blames)
+        blames = f"exit code {result.returncode}:\n{output}"
+    return took_s, blames, lines_with(DELAYS, output)
+
+
+def lines_with(parts: tuple[str, ...], text: str) -> str:
+    """The lines of a text that contain one of some parts."""
+    return "\n".join(line for line in text.splitlines() if any(part in line for part in parts))
 
 
 def main() -> None:
     """Prints what was seen; exit code 1 where a start failed."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
-    durations_s, problems = [], []
+    durations_s = []
+    problems = []
+    delayed = 0
     with reserved_domain() as domain_id, busy_processes():
         for number in range(1, count + 1):
             with tempfile.TemporaryDirectory() as folder:
-                took_s, problem = start(Path(folder), domain_id)
+                took_s, problem, delays = start(Path(folder), domain_id)
             durations_s.append(took_s)
-            print(f"start {number}: {took_s:.1f} s {problem}", flush=True)
+            delayed += bool(delays)
+            print(f"start {number}: {took_s:.1f} s {problem or delays}", flush=True)
             if problem:
                 problems.append(problem)
     print(
         f"{count} starts beside {BUSY_PROCESSES} busy processes, {statistics.median(durations_s):.1f} s each "
-        f"(at most {max(durations_s):.1f} s), load average {os.getloadavg()[0]:.1f}: {len(problems)} failed"
+        f"(at most {max(durations_s):.1f} s), load average {os.getloadavg()[0]:.1f}: {len(problems)} failed, "
+        f"{delayed} with a delay of a servo"
     )
     sys.exit(1 if problems else 0)
 

@@ -18,7 +18,10 @@ from types import MappingProxyType
 from typing import Any, NoReturn
 
 from joshua_dataset import mp4
+from joshua_dataset.bag import messages
 from joshua_dataset.changes import is_interrupted
+from joshua_dataset.export import export
+from joshua_dataset.from_messages import message_file
 from joshua_dataset.lock import PRIVATE
 from joshua_dataset.mcap_writer import McapWriter
 from joshua_dataset.open_episode import open_folder
@@ -286,6 +289,29 @@ class Merge(Make):
         return build([Source(place / "set"), Source(place / "set")], place / "made", workers=1)
 
 
+class Export(Make):
+    """Makes the messages of a data set, which has no frames."""
+
+    def make(self, place: Path) -> object:
+        return export(place / "set", place / "made", "mcap")
+
+    def between(self, place: Path) -> None:
+        Operation.between(self, place)
+        assert content(place / "set") == expected(*LENGTHS)
+        if (place / "made" / "meta" / "info.json").exists():
+            self.require_messages(place)
+
+    def look(self, place: Path) -> None:
+        self.require_messages(place)
+        assert not (place / "made" / PRIVATE).exists()
+
+    def require_messages(self, place: Path) -> None:
+        found = Dataset.read(place / "made")
+        lengths = [sum(1 for _ in messages(message_file(found, item))) for item in found.episode_list()]
+        topics = len(found.features.pictures) + len(list(found.features.numbers))
+        assert lengths == [length * topics for length in LENGTHS]
+
+
 class Stats(Operation):
     def base(self, place: Path) -> None:
         write(place / "set")
@@ -310,6 +336,7 @@ OPERATIONS: dict[str, Callable[[], Operation]] = {
     "convert": Make,
     "split": Split,
     "merge": Merge,
+    "export": Export,
     "stats": Stats,
 }
 

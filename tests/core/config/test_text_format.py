@@ -13,6 +13,7 @@ from config_texts import config_texts, damaged_texts
 from google.protobuf import text_format
 from hypothesis import HealthCheck, given, settings
 from joshua.config import LoadedConfig, load
+from joshua.plan import Diagnostic, Severity
 from joshua.schema.config_pb2 import Config
 from third_party import URL, sample_class
 
@@ -63,16 +64,21 @@ def same(one: Config, other: Config) -> bool:
     ) == str(other)
 
 
+def errors_of(loaded: LoadedConfig) -> list[Diagnostic]:
+    """The errors of a load; a note, as on octal numbers, leaves the value as it is."""
+    return [item for item in loaded.diagnostics if item.severity is Severity.ERROR]
+
+
 @QUICK
 @given(text=config_texts())
 def test_every_spelling_gives_the_same_message(folder: Path, text: str) -> None:
     wanted = reference(text)
     loaded = read(folder, text)
     if isinstance(wanted, Exception):
-        assert loaded.diagnostics, wanted
+        assert errors_of(loaded), wanted
     else:
-        assert [item for item in loaded.diagnostics if item.code not in STRICTER] == []
-        assert loaded.diagnostics or same(loaded.config, wanted)
+        assert [item for item in errors_of(loaded) if item.code not in STRICTER] == []
+        assert errors_of(loaded) or same(loaded.config, wanted)
 
 
 @QUICK
@@ -80,11 +86,11 @@ def test_every_spelling_gives_the_same_message(folder: Path, text: str) -> None:
 def test_damaged_texts_are_accepted_only_with_the_same_meaning(folder: Path, text: str) -> None:
     wanted = reference(text)
     loaded = read(folder, text)
-    if not loaded.diagnostics:
+    if not errors_of(loaded):
         assert not isinstance(wanted, Exception), wanted
         assert same(loaded.config, wanted)
     elif not isinstance(wanted, Exception):
-        assert {item.code for item in loaded.diagnostics} & STRICTER, loaded.diagnostics
+        assert {item.code for item in errors_of(loaded)} & STRICTER, errors_of(loaded)
 
 
 def wrapped(body: str) -> str:
@@ -113,7 +119,7 @@ def wrapped(body: str) -> str:
 def test_literal_forms(folder: Path, body: str) -> None:
     text = wrapped(body)
     loaded = read(folder, text)
-    assert loaded.diagnostics == []
+    assert errors_of(loaded) == []
     assert same(loaded.config, text_format.Parse(text, Config()))
 
 

@@ -75,6 +75,17 @@ def test_a_callback_that_takes_longer_than_the_period_counts_overruns(clock):
     assert report.achieved_hz == pytest.approx(40.0)
 
 
+def test_periods_that_a_schedule_skips_count_as_overruns(clock):
+    timer = Timer(0.01, lambda: None, "t")
+    timer.start(clock.now_ns)
+    first_ns = clock.now_ns + 10 * MS
+    timer.schedule(first_ns - 3 * MS)
+    timer.schedule(first_ns + 1 * MS)
+    assert timer.cadence.report().overruns == 0
+    timer.schedule(first_ns + 31 * MS)
+    assert timer.cadence.report().overruns == 3
+
+
 def test_the_most_overdue_timer_runs_first(clock):
     order = []
     queue = TimerQueue(clock)

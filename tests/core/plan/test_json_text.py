@@ -29,3 +29,10 @@ def test_text_within_the_bound_is_read():
 def test_other_faults_are_those_of_json():
     with pytest.raises(json.JSONDecodeError, match="Expecting value"):
         parse_json("")
+
+
+def test_a_git_lfs_pointer_is_named() -> None:
+    pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n"
+    for text in (pointer, pointer.encode()):
+        with pytest.raises(ValueError, match="it is a Git LFS pointer, whose file `git lfs pull` fetches"):
+            parse_json(text)

@@ -1,5 +1,6 @@
 """Fixtures of the transport tests."""
 
+from second_user import second_user
 from transport_fixtures import (
     dds_spec,
     domain_id,
@@ -20,6 +21,7 @@ __all__ = [
     "program",
     "restore_distro",
     "router",
+    "second_user",
     "spec",
     "zenoh_spec",
 ]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import sys
 import threading
 from pathlib import Path
 
@@ -14,15 +13,12 @@ from joshua.messages import encode, make
 from joshua.plan import QosProfile
 from joshua.transport import TransportError, prepare_transport
 from joshua.transport.zenoh.keys import data_key
+from second_user import needs_second_user
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 TRIGGER = "std_srvs/srv/Trigger"
-STRANGER = 61234
 
-pytestmark = pytest.mark.skipif(
-    os.geteuid() != 0 or not sys.platform.startswith("linux"),
-    reason="only root can start a program of another user, and only Linux tells whose a connection is",
-)
+pytestmark = needs_second_user
 
 
 @pytest.fixture
@@ -89,11 +85,11 @@ def read_report(process, act):
     return json.loads(lines[0])
 
 
-def test_another_user_watches_and_commands_nothing(run_spec, opener, program, eventually):
+def test_another_user_watches_and_commands_nothing(run_spec, opener, program, eventually, second_user):
     handle = prepare_transport(run_spec)
     try:
         robot = Robot(run_spec, opener, eventually)
-        attacker = program("other_user.py", STRANGER, *robot.arguments())
+        attacker = program("other_user.py", second_user.uid, *robot.arguments())
         report = read_report(attacker, robot.command)
         assert len(report) == 6, "two ports and three ways: nothing else accepts connections"
         assert list(report.values()) == [{"heard": True, "saw": True, "answers": 0}] * 6
@@ -106,13 +102,15 @@ def test_another_user_watches_and_commands_nothing(run_spec, opener, program, ev
         handle.close()
 
 
-def test_with_open_to_local_users_the_same_attack_succeeds(run_spec, opener, program, eventually):
+def test_with_open_to_local_users_the_same_attack_succeeds(
+    run_spec, opener, program, eventually, second_user
+):
     """Shows that the attack of the other test is one."""
     spec = run_spec.model_copy(update={"open_to_local_users": True})
     handle = prepare_transport(spec)
     try:
         robot = Robot(spec, opener, eventually)
-        attacker = program("other_user.py", STRANGER, *robot.arguments())
+        attacker = program("other_user.py", second_user.uid, *robot.arguments())
         report = read_report(attacker, robot.command)
         assert all(one["answers"] for one in report.values()), report
         assert robot.calls
@@ -121,17 +119,17 @@ def test_with_open_to_local_users_the_same_attack_succeeds(run_spec, opener, pro
         handle.close()
 
 
-def test_a_router_that_another_user_started_is_named_and_refused(zenoh_spec, program):
+def test_a_router_that_another_user_started_is_named_and_refused(zenoh_spec, program, second_user):
     port = int(zenoh_spec.listen_endpoints[0].rsplit(":", 1)[1])
-    foreign = program("foreign_router.py", STRANGER, port)
+    foreign = program("foreign_router.py", second_user.uid, port)
     assert foreign.stdout.readline() == "ready\n"
     with pytest.raises(TransportError) as refused:
         prepare_transport(zenoh_spec)
     assert str(refused.value) == (
-        f"user {STRANGER} started the program on tcp/localhost:{port}, which could read every message of "
-        "this run and withhold them. Ask that user to stop it, set other listen_endpoints in the transport "
-        "block, or set open_to_local_users: true there to join it and let every user of this machine command "
-        "this robot"
+        f"user {second_user.shown} started the program on tcp/localhost:{port}, which could read every "
+        "message of this run and withhold them. Ask that user to stop it, set other listen_endpoints in the "
+        "transport block, or set open_to_local_users: true there to join it and let every user of this "
+        "machine command this robot"
     )
     joined = prepare_transport(zenoh_spec.model_copy(update={"open_to_local_users": True}))
     try:
@@ -141,7 +139,7 @@ def test_a_router_that_another_user_started_is_named_and_refused(zenoh_spec, pro
 
 
 def test_a_router_of_this_user_that_admits_everyone_gets_no_command_through(
-    run_spec, opener, program, eventually
+    run_spec, opener, program, eventually, second_user
 ):
     """Such as ROS 2's own router, which was started first."""
     port = run_spec.listen_endpoints[0].rsplit(":", 1)[1]
@@ -156,7 +154,7 @@ def test_a_router_of_this_user_that_admits_everyone_gets_no_command_through(
         robot = Robot(run_spec, opener, eventually)
         arguments = robot.arguments()
         arguments[0] = port
-        report = read_report(program("other_user.py", STRANGER, *arguments), robot.command)
+        report = read_report(program("other_user.py", second_user.uid, *arguments), robot.command)
         assert list(report.values()) == [{"heard": True, "saw": True, "answers": 0}] * 3
         assert robot.calls == []
         assert all(b"forged" not in bytes(sample.cdr) for sample in robot.got)
@@ -168,14 +166,16 @@ def test_a_router_of_this_user_that_admits_everyone_gets_no_command_through(
         foreign.kill()
         eventually(lambda: handle.hosting, what="the replacement")
         arguments[0] = ",".join(map(str, tcp_ports(os.getpid())))
-        report = read_report(program("other_user.py", STRANGER, *arguments), robot.command)
+        report = read_report(program("other_user.py", second_user.uid, *arguments), robot.command)
         assert list(report.values()) == [{"heard": True, "saw": True, "answers": 0}] * 6
         assert len(robot.calls) == 1
     finally:
         handle.close()
 
 
-def test_a_survivor_hosts_with_the_rules_of_the_router_before(run_spec, opener, program, eventually):
+def test_a_survivor_hosts_with_the_rules_of_the_router_before(
+    run_spec, opener, program, eventually, second_user
+):
     first = program("router.py", run_spec.model_copy(update={"link_folder": ""}).model_dump_json())
     assert "hosts" in first.stdout.readline()
     # a file that is open joins a router that is not, and stays closed when it takes over
@@ -186,7 +186,7 @@ def test_a_survivor_hosts_with_the_rules_of_the_router_before(run_spec, opener, 
         robot = Robot(open_spec, opener, eventually)
         first.kill()
         eventually(lambda: handle.hosting, what="the replacement")
-        report = read_report(program("other_user.py", STRANGER, *robot.arguments()), robot.command)
+        report = read_report(program("other_user.py", second_user.uid, *robot.arguments()), robot.command)
         assert list(report.values()) == [{"heard": True, "saw": True, "answers": 0}] * 6
         assert robot.calls == []
     finally:

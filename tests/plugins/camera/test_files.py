@@ -92,6 +92,18 @@ def test_grey_pictures_become_colour(tmp_path: Path, camera_at: Maker) -> None:
     assert reading.data.rgb.shape == (240, 320, 3)
 
 
+@pytest.mark.parametrize(("name", "source"), [("film.mp4", "film.mp4"), ("0001.jpg", "%04d.jpg")])
+def test_a_git_lfs_pointer_is_named_with_the_command_that_fetches_the_file(
+    tmp_path: Path, camera_at: Maker, name: str, source: str
+) -> None:
+    (tmp_path / ".git").mkdir()
+    (tmp_path / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n")
+    with pytest.raises(DeviceError) as caught:
+        camera_at(str(tmp_path / source)).connect()
+    assert f"{tmp_path / name} is a Git LFS pointer" in str(caught.value)
+    assert f"run git -C {tmp_path} lfs pull --include {name}" in str(caught.value)
+
+
 def test_files_that_cannot_be_played(tmp_path: Path, camera_at: Maker) -> None:
     missing = tmp_path / "none.mp4"
     with pytest.raises(DeviceError) as caught:

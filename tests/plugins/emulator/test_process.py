@@ -49,6 +49,13 @@ def test_unplug_hangs_up_and_replug_takes_another_name() -> None:
         assert Path(bus.by_id).resolve() == (bus.root / "dev/ttyACM5").resolve()
 
 
+@pytest.mark.parametrize("options", [{"identity": "../../a"}, {"name": "../a"}])
+def test_a_name_that_leads_out_of_the_folder_is_refused(options: dict[str, str]) -> None:
+    bus = EmulatedBus(ids=(1,), **options)
+    with pytest.raises(EmulatorError, match=f"{next(iter(options.values()))}' cannot be a file name"):
+        bus.start()
+
+
 def test_a_fault_can_wait_for_its_time() -> None:
     with EmulatedBus(ids=(1,), fault=["unplug,at_s=0.1"]) as bus:
         bus.wait_for(["unplug"])

@@ -67,12 +67,21 @@ def test_no_episode_is_refused(tmp_path: Path, random_policy: Path) -> None:
     assert error.field_path == "ai.training.eval_config.num_episodes"
 
 
-def test_a_missing_checkpoint_is_a_note_and_an_error_at_the_launch(tmp_path: Path) -> None:
-    assert errors(tmp_path, "checkpoints/none") == []
+@pytest.mark.parametrize("purpose", [Purpose.VALIDATE, Purpose.LAUNCH])
+def test_a_missing_checkpoint_is_an_error_with_the_command_that_trains_one(
+    tmp_path: Path, purpose: Purpose
+) -> None:
     path = write_evaluation(tmp_path, "checkpoints/none", 'compare_with: "runs/none"')
-    found = examine(Request(str(path), purpose=Purpose.LAUNCH)).errors
+    found = examine(Request(str(path), purpose=purpose)).errors
     assert [item.code for item in found] == ["weights-not-found", "weights-not-found"]
     assert [item.position.line for item in found] == [9, 11]
+    assert "joshua new train --from training_rl_ppo" in found[0].remedy
+
+
+def test_the_policy_that_ships_with_its_trainer_is_known_by_name(tmp_path: Path) -> None:
+    assert errors(tmp_path, "joshua/so_arm100/reach") == []
+    (found,) = errors(tmp_path, "joshua/so_arm100/reech")
+    assert found.code == "weights-not-found"
 
 
 def torn(folder: Path, policy: Path, change: str) -> Path:
@@ -136,7 +145,7 @@ def test_what_the_policy_of_a_trainer_cannot_do_is_named(
     write_dataset(tmp_path / "act")
     both = f'compare_with: "{random_policy}" {more}'
     assert [item.field_path for item in errors(tmp_path, "act", both)] == [error.field_path] * beside_a_model
-    assert errors(tmp_path, "missing", both) == []
+    assert [item.code for item in errors(tmp_path, "missing", both)] == ["weights-not-found"]
     assert errors(tmp_path, "act", more) == []
 
 

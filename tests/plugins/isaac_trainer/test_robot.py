@@ -51,6 +51,11 @@ def test_the_bodies_of_the_urdf_stand_where_those_of_the_model_stand(model, tmp_
         np.testing.assert_allclose(copy.joint(name).range, model.joint(name).range, atol=1e-6)
 
 
+def test_a_name_that_leads_out_of_the_folder_is_refused(model, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"the robot '\.\./robot' cannot be a file name"):
+        write_urdf(model, "../robot", tmp_path)
+
+
 def test_the_same_model_is_written_once(model, tmp_path: Path) -> None:
     first = write_urdf(model, "robot", tmp_path)
     changed_ns = first.stat().st_mtime_ns

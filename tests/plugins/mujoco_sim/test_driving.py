@@ -193,3 +193,30 @@ def test_a_refused_actuator_and_a_joint_named_twice_say_why() -> None:
         physics.group(("brake",))
     with pytest.raises(ModelError, match="'elbow' and 'elbow' are the same joint elbow: name it once"):
         physics.group(("elbow", "elbow"))
+
+
+def test_a_position_drive_that_is_too_soft_for_its_weight_is_helped() -> None:
+    soft, stiff = (
+        '<position joint="JOINT" kp="2" kv=".2"/>',
+        '<position joint="JOINT" kp="80" dampratio="1"/>',
+    )
+    assert arm(each(soft)).group(()).kinds == (
+        "position",
+        "torque",
+        "torque",
+    )  # gravity does not turn the waist
+    assert largest_miss(arm(each(soft))) < 0.02
+    assert arm(each(stiff)).group(()).kinds == ("position",) * 3
+
+
+def test_a_joint_that_starts_outside_its_limits_starts_at_the_nearest() -> None:
+    xml = ARM.format(actuators=each('<motor joint="JOINT"/>'), more="")
+    model = mujoco.MjModel.from_xml_string(xml.replace('range="-2 2"', 'range=".3 2"'))
+    assert Physics(model).group(("elbow",)).position_rad == pytest.approx([0.3])
+
+
+def test_a_falling_robot_moves_its_joints_as_on_a_stand() -> None:
+    base = '<body name="base"><freejoint/><geom size=".08" mass=".5"/>'
+    xml = ARM.format(actuators=each('<motor joint="JOINT" ctrlrange="-20 20"/>'), more="")
+    xml = xml.replace("<worldbody>", f"<worldbody>{base}").replace("</worldbody>", "</body></worldbody>")
+    assert largest_miss(Physics(mujoco.MjModel.from_xml_string(xml))) < 0.01

@@ -102,6 +102,15 @@ def test_every_form_gives_the_same_motion(tmp_path: Path, write) -> None:
     assert trajectory.position == pytest.approx(POSITIONS, abs=1e-6)
 
 
+def test_a_link_that_leads_out_of_a_data_set_is_not_read(tmp_path: Path) -> None:
+    root = write_lerobot(tmp_path)
+    file = root / "data" / "chunk-000" / "file-000.parquet"
+    file.rename(tmp_path / "elsewhere.parquet")
+    file.symlink_to(tmp_path / "elsewhere.parquet")
+    with pytest.raises(TrajectoryError, match="is a symlink that leads outside"):
+        read_trajectories(root)
+
+
 def test_episodes_are_chosen_by_number(tmp_path: Path) -> None:
     root = write_lerobot(tmp_path)
     assert len(read_trajectories(root)) == 2

@@ -15,7 +15,8 @@ from joshua.testing import check_model
 from joshua.tools import check, plan
 from joshua_mujoco_sim.envs import make_environment
 from joshua_ppo_trainer.acting import Goal, PpoModel
-from joshua_ppo_trainer.acting_settings import SHIPPED, PpoPolicySettings
+from joshua_ppo_trainer.acting_settings import PpoPolicySettings
+from joshua_ppo_trainer.shipped import REACH
 
 PRESET = Path(__file__).parents[3] / "configs/inference_ppo_policy.pbtxt"
 NAMES = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
@@ -34,7 +35,7 @@ def seen(position_rad: Any, step: int = 0) -> Observation:
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(SHIPPED, tmp_path / "policy"))
+    return Path(shutil.copytree(REACH, tmp_path / "policy"))
 
 
 def test_the_model_keeps_the_contract() -> None:
@@ -143,7 +144,7 @@ def test_torn_weights_and_another_environment_say_what_to_do(copy: Path) -> None
         ModelError, match=r"contains no policy of joshua-ppo-trainer: .* Copy the checkpoint again"
     ):
         made(copy).load()
-    shutil.copy(SHIPPED / "policy.safetensors", weights)
+    shutil.copy(REACH / "policy.safetensors", weights)
     about = json.loads((copy / "policy.json").read_text()) | {"environment": "joshua/Unknown-v0"}
     (copy / "policy.json").write_text(json.dumps(about))
     with pytest.raises(ModelError, match=r"joshua/Unknown-v0, in which .* cannot be made: no environment"):
@@ -156,6 +157,6 @@ def test_torn_weights_and_another_environment_say_what_to_do(copy: Path) -> None
 
 def test_the_newest_checkpoint_of_a_run_is_taken(tmp_path: Path) -> None:
     for step in (100, 2000):
-        shutil.copytree(SHIPPED, tmp_path / "checkpoints" / f"step_{step:012d}")
+        shutil.copytree(REACH, tmp_path / "checkpoints" / f"step_{step:012d}")
     (tmp_path / "run.json").write_text("{}")
     assert made(tmp_path).settings.folder.name == "step_000000002000"

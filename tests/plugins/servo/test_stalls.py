@@ -24,63 +24,18 @@ from joshua_servo.errors import NoReply
 from joshua_servo.motor_check import check_motors
 from joshua_servo.torque import TorqueSwitch
 from servo_families import KINDS, Kind
+from stalling_line import STALLS, StallingLine
 from stepped_time import SteppedTime
 from virtual_families import virtual_servos
-from virtual_line import Line
 
 IDS = (1, 2, 3)
 MODELS = {"feetech": "STS3215", "dynamixel": "xl330-m077"}
-
-#: Where it begins (number of the call of the line), how long it is, whether it delays the servos, too, and
-#: whether the process waits in a run queue. The system does not tell how long a process was stopped.
-STALLS = st.tuples(st.integers(0, 40), st.floats(0.1, 1.0), st.booleans(), st.booleans())
 
 FAMILIES = st.sampled_from([kind.protocol for kind in KINDS])
 
 
 def kind_of(protocol: str) -> Kind:
     return next(kind for kind in KINDS if kind.protocol == protocol)
-
-
-class StallingLine(Line):
-    """A line whose calls may be delayed before and after.
-
-    Attributes:
-        stalls: duration, servos too, in a run queue, by the number of the call.
-        waited_s: in a run queue; stalled_s: in all stalls; stopped: number of stalls outside of a run queue.
-        sent_s: times of the requests, without stalls.
-    """
-
-    def __init__(self, emulated: Any, clock: SteppedTime) -> None:
-        super().__init__(emulated, clock)
-        self.stalls: dict[int, tuple[float, bool, bool]] = {}
-        self.calls = 0
-        self.waited_s = self.stalled_s = 0.0
-        self.stopped = 0
-        self.sent_s: list[float] = []
-
-    def stall(self) -> None:
-        """Delay this process, if it is time."""
-        length_s, servos_too, in_queue = self.stalls.pop(self.calls, (0.0, False, True))
-        self.calls += 1
-        self.stalled_s += length_s
-        self.waited_s += length_s * in_queue
-        self.stopped += not in_queue
-        now_s = self._clock.monotonic()
-        if servos_too:
-            coming = self._coming
-            self._coming = [(due + length_s * (due > now_s), order, data) for due, order, data in coming]
-        self._clock.sleep(length_s)
-
-    def send(self, data: bytes) -> None:
-        self.stall()
-        self.sent_s.append(self._clock.monotonic() - self.stalled_s)
-        super().send(data)
-        self.stall()
-
-    def receive(self, size: int, deadline_s: float) -> bytes:
-        self.stall()
-        return super().receive(size, deadline_s)
 
 
 @contextmanager
@@ -146,10 +101,10 @@ def test_a_silent_servo_is_blamed_for_awake_time_only(
     with stalling(kind) as (bus, line, servos):
         line.stalls = {at: rest for at, *rest in stalls}  # type: ignore[misc]
         servos[2].silent = True
-        began_s = bus_time_s(line)
+        began_s = line.awake_s()
         with pytest.raises(NoReply) as caught:
             operation(kind, bus)
-        awake_s, text = bus_time_s(line) - began_s, str(caught.value)
+        awake_s, text = line.awake_s() - began_s, str(caught.value)
         if "too busy" in text:
             assert line.stalled_s + awake_s >= SILENCE_LIMIT_S * PATIENCE_FACTOR
             assert re.search(r"delayed by \d\.\d s", text)
@@ -161,20 +116,15 @@ def test_a_silent_servo_is_blamed_for_awake_time_only(
         assert len(line.sent_s) >= LEAST_MISSES
 
 
-def bus_time_s(line: StallingLine) -> float:
-    """Time in which the process was not stalled."""
-    return line._clock.monotonic() - line.stalled_s
-
-
 @pytest.mark.parametrize("silent", [(2,), IDS])
 def test_silent_servos_are_found_in_half_a_second(silent: tuple[int, ...], kind: Kind) -> None:
     with stalling(kind) as (bus, line, servos):
         for servo_id in silent:
             servos[servo_id].silent = True
-        began_s = bus_time_s(line)
+        began_s = line.awake_s()
         found = motor_check._silent(bus, IDS)
         assert found == silent
-        assert bus_time_s(line) - began_s <= SILENCE_LIMIT_S + 0.1
+        assert line.awake_s() - began_s <= SILENCE_LIMIT_S + 0.1
 
 
 def test_waits_for_a_reply_grow(kind: Kind) -> None:

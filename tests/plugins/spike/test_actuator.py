@@ -181,7 +181,7 @@ def test_the_program_is_uploaded_once_and_again_only_where_another_runs(
     hub.fault("button")
     hub.fault("other_program")  # somebody's own program runs now, and prints in the middle of lines
     wait_until(lambda: hub.state()["running"])
-    monkeypatch.setattr(session, "HELLO_TIMEOUT_S", 0.6)  # nobody answers
+    monkeypatch.setattr(session, "HELLO_PATIENCE_S", 1.2)  # nobody answers
     actuator.connect()
     actuator.read()
     assert [entry["holes"] for entry in hub.log("upload")] == [0, 0]

@@ -167,6 +167,8 @@ def test_a_mute_servo_among_six_delays_the_hold_of_the_others_by_a_second_at_mos
         control()
     with pytest.raises(NoReply):  # after the others hold
         node.deactivate()
+    # Nothing acknowledges the goals. The reply to a later request says that the emulator has read them.
+    assert node._actuator.bus.ping(1)
     writes = arm_emulator.log("sync_write")
     rows = bytes.fromhex(writes[-1]["parameters"])
     assert rows[0] == GOAL_POSITION.address

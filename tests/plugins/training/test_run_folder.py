@@ -106,6 +106,32 @@ def test_a_torn_checkpoint_names_the_one_before_it(tmp_path: Path, content: byte
         read_part(first, "state.json", json.loads, "steps")
 
 
+def test_a_checkpoint_that_was_not_fetched_is_named_with_the_command(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path, "run", {})
+    pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n"
+    checkpoint = folder.save(1, {"policy.safetensors": pointer})
+    with pytest.raises(RunError, match=r"policy.safetensors is a Git LFS pointer.*: Run git lfs install"):
+        read_part(checkpoint, "policy.safetensors", json.loads)
+
+
+def test_secrets_in_the_facts_of_a_run_are_hidden_and_the_run_is_continued(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WANDB_API_KEY", "0123456789abcdef")
+    address = "https://me:pass-word@example.org/set"
+    settings = {"dataset": address, "tags": ["0123456789abcdef"], "seed": 1}
+    folder = RunFolder.create(tmp_path, "run", {"method": "METHOD_RL", "settings": settings})
+    text = (folder.path / "run.json").read_text()
+    assert "pass-word" not in text
+    assert "0123456789abcdef" not in text
+    assert "https://(hidden)@example.org/set" in text
+    monkeypatch.delenv("WANDB_API_KEY")
+    refuse_other(folder.facts(), {"settings": settings}, ())
+    elsewhere = {**settings, "dataset": "https://me:pass-word@example.org/other"}
+    with pytest.raises(RunError, match="started with dataset"):
+        refuse_other(folder.facts(), {"settings": elsewhere}, ())
+
+
 def test_one_process_at_a_time_writes_into_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run_folder, "ENDING_S", 0.0)
     first = RunFolder.create(tmp_path, "run", {})

@@ -31,7 +31,10 @@ def run(arguments: argparse.Namespace) -> int:
     began_s = time.monotonic()
     with interruptible() as interrupts:
         ended: list[Plan] = []
-        code = _run_to_end(arguments, interrupts, began_s, ended)
+        try:
+            code = _run_to_end(arguments, interrupts, began_s, ended)
+        except KeyboardInterrupt:
+            code = ExitCode.INTERRUPTED
         interrupts.ignored = True
         show_torque(arguments, code, ended)
         return code
@@ -43,7 +46,7 @@ def show_torque(arguments: argparse.Namespace, code: int, ended: Sequence[Plan])
     Args:
         code: exit code of the run; ended: its plan, if it has started its nodes.
     """
-    from joshua.cli.energised import AFTER_RUN_S, left_energised, left_lines, plan_options, shown_command
+    from joshua.cli.energised import AFTER_RUN_S, left_energised, left_lines
     from joshua.ipc.run_bases import base_directories
 
     if not arguments.config:
@@ -51,12 +54,36 @@ def show_torque(arguments: argparse.Namespace, code: int, ended: Sequence[Plan])
     source = os.path.abspath(arguments.config)  # noqa: PTH100 (links stay as they are)
     left = left_energised(base_directories(os.environ), lambda record: record.source == source, AFTER_RUN_S)
     lines = left_lines(left)
-    if not lines and not arguments.emulate and any(map(_outlives_run, ended)):
-        lines = ["this run left no torque on"]
-        if code not in (ExitCode.OK, ExitCode.INVALID, ExitCode.INTERRUPTED):
-            lines[0] += f"; to check its devices: {shown_command('doctor', source, plan_options(arguments))}"
+    was_interrupted_early = code == ExitCode.INTERRUPTED and not ended
+    if not lines and not arguments.emulate and (was_interrupted_early or any(map(_outlives_run, ended))):
+        lines = [f"this run left no torque on{_next_step(arguments, source, code, ended)}"]
     stream = sys.stderr if arguments.format == "json" else sys.stdout  # where findings are a document
     stream.writelines(f"{line}\n" for line in lines)
+
+
+def _next_step(arguments: argparse.Namespace, source: str, code: int, ended: Sequence[Plan]) -> str:
+    """What to do after a run that left no torque on, with one command; "" after an ordinary end."""
+    from joshua.cli.energised import plan_options, shown_command
+
+    options = plan_options(arguments)
+    if any(map(_is_latched, ended)):
+        return ", and the e-stop stays latched; look at the robot, then: joshua estop --release"
+    if code == ExitCode.INTERRUPTED:
+        return f"; to start it again: {shown_command('--config', source, options)}"
+    if code not in (ExitCode.OK, ExitCode.INVALID):
+        return f"; to check its devices: {shown_command('doctor', source, options)}"
+    return ""
+
+
+def _is_latched(plan: Plan) -> bool:
+    """Whether an e-stop keeps torque off an actuator of a plan."""
+    from joshua.guardian.latch import LatchFolder, Subject, latch_folder
+    from joshua.ipc.run_bases import base_directories
+
+    domain_id = plan.transport.domain_id
+    subjects = [Subject(plan.robot_id, domain_id, spec.full_name) for spec in plan.nodes]
+    folders = [LatchFolder(latch_folder(base)) for base in base_directories(os.environ)]
+    return any(folder.standing(subject) is not None for folder in folders for subject in subjects)
 
 
 def _outlives_run(plan: Plan) -> bool:

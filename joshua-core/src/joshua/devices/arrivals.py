@@ -6,15 +6,10 @@ import math
 import threading
 import time
 
+from joshua.devices.arrival_phase import ArrivalPhase
 from joshua.node.timers import Timer
 
 NS_PER_S = 1_000_000_000
-
-#: Number of arrivals whose mean distance is the first estimate of their interval.
-_FIRST_ARRIVALS = 10
-
-#: Share of a deviation that corrects the expected time, and the interval, of the next arrival.
-_PHASE_GAIN, _INTERVAL_GAIN = 0.1, 0.005
 
 #: The cycle follows arrivals if their interval, or a whole multiple of it, is this close to its own period.
 _FOLLOWS = 0.08
@@ -28,6 +23,9 @@ _LONGEST_LEAD = 0.75
 #: Longest wait for a command that is late, as a share of the interval.
 _LATE = 0.4
 
+#: Number of intervals or periods without a command after which there is nothing to follow.
+_LOST = 3
+
 
 class Arrivals:
     """The commands of one actuator as they arrive, and the control cycle that follows them.
@@ -36,6 +34,10 @@ class Arrivals:
     before the next command is expected, waits for that command, and writes it immediately. Protections are
     therefore still read directly before each write. Without regular arrivals, the cycle keeps its own clock.
 
+    Each cycle selects the command that it waits for by the time at which it begins, and schedules the next
+    one from there. After a stall the cycle therefore goes on with the next command, and a cycle that would
+    begin less than half a period after the last one is skipped.
+
     Args:
         period_s: of the control cycle on its own clock.
     """
@@ -43,28 +45,15 @@ class Arrivals:
     def __init__(self, period_s: float) -> None:
         self._period_ns = round(period_s * NS_PER_S)
         self._condition = threading.Condition()
-        self._times: list[int] = []
-        self._interval_ns = 0.0
-        self._phase_ns = 0.0  # when the newest command should have arrived
+        self._phase = ArrivalPhase()
         self._last_ns = 0
         self._began_ns = 0
-        self._lead_ns = 0.0
-        self._expected_ns: float | None = None
+        self._reading_ns = 0.0  # how long a reading takes: its maximum, which decays slowly
 
     def arrived(self, now_ns: int) -> None:
         """Records the arrival of a command, on a transport thread; ``now_ns`` on the monotonic clock."""
         with self._condition:
-            if self._interval_ns:
-                count = round((now_ns - self._phase_ns) / self._interval_ns)
-                expected_ns = self._phase_ns + count * self._interval_ns
-                deviation_ns = now_ns - expected_ns
-                self._phase_ns = expected_ns + _PHASE_GAIN * deviation_ns
-                self._interval_ns += _INTERVAL_GAIN * deviation_ns / max(count, 1)
-            else:
-                self._times.append(now_ns)
-                if len(self._times) == _FIRST_ARRIVALS:
-                    self._interval_ns = max(1.0, (now_ns - self._times[0]) / (_FIRST_ARRIVALS - 1))
-                    self._phase_ns = now_ns
+            self._phase.arrived(now_ns)
             self._last_ns = now_ns
             self._condition.notify_all()
 
@@ -74,34 +63,50 @@ class Arrivals:
 
     def wait(self) -> None:
         """The reading is complete: waits for the command of this cycle, if the cycle is in phase."""
-        now_ns = time.monotonic_ns()
-        took_ns = now_ns - self._began_ns
-        self._lead_ns = max(took_ns, self._lead_ns + 0.02 * (took_ns - self._lead_ns))
-        if self._expected_ns is None:
-            return
+        took_ns = time.monotonic_ns() - self._began_ns
+        lead_ns = self._lead_ns
+        if took_ns < self._period_ns:  # otherwise the machine stalled, which says nothing about the device
+            self._reading_ns = max(took_ns, self._reading_ns + 0.02 * (took_ns - self._reading_ns))
         with self._condition:
-            latest_ns = self._expected_ns + _LATE * self._interval_ns
-            earliest_ns = self._expected_ns - self._interval_ns / 2
+            if not self._follows():
+                return
+            interval_ns = self._phase.interval_ns
+            expected_ns = self._phase.nearest_ns(self._began_ns + lead_ns)
+            earliest_ns = expected_ns - interval_ns / 2
+            latest_ns = expected_ns + _LATE * interval_ns
             while self._last_ns < earliest_ns and (left_ns := latest_ns - time.monotonic_ns()) > 0:
                 self._condition.wait(left_ns / NS_PER_S)
 
     def end(self, timer: Timer) -> None:
-        """The goal is written: schedules the next cycle, if the cycle is in phase."""
+        """The goal is written: schedules the next cycle. No effect on a timer that does not run."""
+        planned_ns = timer.deadline_ns
+        if planned_ns is None:
+            return
+        earliest_ns = self._began_ns + self._period_ns / 2
+        next_ns = float(planned_ns)
+        step_ns = float(self._period_ns)
         with self._condition:
-            reference_ns = self._expected_ns or self._began_ns + self._lead_ns
-            self._expected_ns = self._expect(reference_ns + self._period_ns)
-            if self._expected_ns is not None:
-                lead_ns = min(self._lead_ns + _MARGIN_NS, _LONGEST_LEAD * self._period_ns)
-                timer.schedule(round(self._expected_ns - lead_ns))
+            if self._follows():
+                lead_ns = self._lead_ns
+                next_ns = self._phase.nearest_ns(self._began_ns + self._period_ns + lead_ns) - lead_ns
+                step_ns = self._phase.interval_ns
+        if next_ns < earliest_ns:
+            next_ns += step_ns
+        if next_ns != planned_ns:
+            timer.schedule(round(next_ns))
 
-    def _expect(self, at_ns: float) -> float | None:
-        """The expected arrival nearest to a time; None if arrivals stopped, or come at another rate."""
-        if not self._interval_ns:
-            return None
-        if time.monotonic_ns() - self._last_ns > 3 * max(self._interval_ns, self._period_ns):
-            self._interval_ns, self._times = 0.0, []
-            return None
-        count = max(1, math.ceil((1 - _FOLLOWS) * self._period_ns / self._interval_ns))
-        if count * self._interval_ns > (1 + _FOLLOWS) * self._period_ns:
-            return None
-        return self._phase_ns + round((at_ns - self._phase_ns) / self._interval_ns) * self._interval_ns
+    @property
+    def _lead_ns(self) -> float:
+        """How long before its command a cycle begins."""
+        return min(self._reading_ns + _MARGIN_NS, _LONGEST_LEAD * self._period_ns)
+
+    def _follows(self) -> bool:
+        """Whether commands arrive at the rate of the cycle, or at a multiple of it."""
+        interval_ns = self._phase.interval_ns
+        if not interval_ns:
+            return False
+        if time.monotonic_ns() - self._last_ns > _LOST * max(interval_ns, self._period_ns):
+            self._phase.forget()
+            return False
+        messages = max(1, math.ceil((1 - _FOLLOWS) * self._period_ns / interval_ns))
+        return messages * interval_ns <= (1 + _FOLLOWS) * self._period_ns

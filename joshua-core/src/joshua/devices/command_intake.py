@@ -87,10 +87,10 @@ class Commanders:
     def permits(self, writer: Writer, topic: str, now_ns: int) -> bool:
         """Whether a publisher may command at present, with the lock held. ``now_ns`` is monotonic.
 
-        Changes nothing but the number of refused commands. A publisher whose name may still arrive has to
-        wait where its name decides: if the plan names commanders of the topic, or if another one commands.
+        Changes nothing but the number of refused commands. A publisher whose name may still arrive waits
+        where its name decides, and is not counted as refused.
         """
-        if writer.awaits_name and (topic not in self._external or topic in self._topics_of_named):
+        if writer.awaits_name and self._is_judged_by_name(topic):
             return False
         override = self._named.get((writer.name, topic))
         if override is None and topic not in self._external:
@@ -102,11 +102,16 @@ class Commanders:
             )
         if self.overriding and not override:
             return False
-        if not override and not self.is_current(writer) and now_ns < self._until_ns:
-            if writer.awaits_name:
-                return False
-            return self._refuse(writer, topic, f"{shown_publisher(self.current)} is the commander")
-        return True
+        is_free = now_ns >= self._until_ns
+        if override or is_free or self.is_current(writer):
+            return True
+        if writer.awaits_name:  # its node may prove to be the commander
+            return False
+        return self._refuse(writer, topic, f"{shown_publisher(self.current)} is the commander")
+
+    def _is_judged_by_name(self, topic: str) -> bool:
+        """Whether the plan names the commanders of a topic, or one of them where others may publish, too."""
+        return topic not in self._external or topic in self._topics_of_named
 
     def take_control(self, writer: Writer, topic: str, now_ns: int, lasts_s: float = 0.0) -> None:
         """Makes a permitted publisher the commander, with the lock held, because its command is executed.

@@ -44,7 +44,13 @@ class Timer:
             self._deadline_ns = now_ns + self._period_ns
 
     def schedule(self, deadline_ns: int) -> None:
-        """Moves the next deadline, and all later ones with it. On the node's thread."""
+        """Moves the next deadline, and all later ones with it. On the node's thread.
+
+        Periods by which it comes later count as overruns.
+        """
+        if self._deadline_ns is not None:
+            skipped = round((deadline_ns - self._deadline_ns) / self._period_ns)
+            self.cadence.skip(max(0, skipped))
         self._deadline_ns = deadline_ns
 
     def run_if_due(self, now_ns: int) -> bool:
@@ -53,8 +59,7 @@ class Timer:
         if deadline_ns is None or now_ns < deadline_ns:
             return False
         missed = (now_ns - deadline_ns) // self._period_ns
-        if missed:
-            self.cadence.skip(missed)
+        self.cadence.skip(missed)
         self.cadence.tick(deadline_ns, now_ns)
         self._deadline_ns = deadline_ns + (missed + 1) * self._period_ns
         self._callback()

@@ -233,8 +233,8 @@ class RobotGraph:
     def commanders(self, entry: NodeEntry) -> list[Endpoint]:
         """The publishers of other nodes on the topics that a node subscribes to, in the order of the file."""
         topics = {item.topic for item in self._of(entry) if not item.is_publisher}
-        others = (item for item in self.endpoints if item.entry.path != entry.path)
-        return [item for item in others if item.is_publisher and item.topic in topics]
+        publishers = (item for item in self._on(topics) if item.is_publisher)
+        return [item for item in publishers if item.entry.path != entry.path]
 
     def intervention_topic(self, entry: NodeEntry) -> str:
         """Topic that reports whether a person has taken over from a model; "" if no person can."""
@@ -245,11 +245,30 @@ class RobotGraph:
     def driven_by(self, entry: NodeEntry) -> list[NodeEntry]:
         """The actuators that subscribe to a node's topics, once for each subscription."""
         topics = {item.topic for item in self._of(entry) if item.is_publisher}
-        readers = (item for item in self.endpoints if not item.is_publisher and item.entry.is_actuator)
-        return [item.entry for item in readers if item.topic in topics]
+        readers = (item for item in self._on(topics) if not item.is_publisher)
+        return [item.entry for item in readers if item.entry.is_actuator]
 
     def _of(self, entry: NodeEntry) -> list[Endpoint]:
-        return [item for item in self.endpoints if item.entry.path == entry.path]
+        """All endpoints of a node, those with an invalid topic name, too."""
+        return self._all_by_entry.get(entry.path, [])
+
+    def _on(self, topics: Iterable[str]) -> list[Endpoint]:
+        """All endpoints on some topics, in the order of the file."""
+        found = [item for topic in topics for item in self._all_by_topic.get(topic, [])]
+        return sorted(found, key=lambda item: self._places[item.path])
+
+    @cached_property
+    def _all_by_entry(self) -> dict[str, list[Endpoint]]:
+        return _grouped((item.entry.path, item) for item in self.endpoints)
+
+    @cached_property
+    def _all_by_topic(self) -> dict[str, list[Endpoint]]:
+        return _grouped((item.topic, item) for item in self.endpoints)
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        """The place of each endpoint in the file, by its field path."""
+        return {item.path: place for place, item in enumerate(self.endpoints)}
 
 
 def _grouped(items: Iterable[tuple[str, _Item]]) -> dict[str, list[_Item]]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from joshua.plan.lfs import is_pointer_text
+
 #: As deep as a configuration may be nested.
 MAX_DEPTH = 100
 
@@ -19,12 +21,17 @@ def parse_json(text: str | bytes) -> Any:
         text: as str, or encoded as UTF-8, UTF-16 or UTF-32.
 
     Raises:
-        ValueError: the text is not JSON, or is nested more than ``MAX_DEPTH`` levels deep.
+        ValueError: the text is not JSON, is a Git LFS pointer, or is nested more than ``MAX_DEPTH`` levels
+            deep.
     """
     try:
         content = json.loads(text)
     except RecursionError as error:
         raise _too_deep() from error
+    except ValueError as error:
+        if is_pointer_text(text):
+            raise ValueError("it is a Git LFS pointer, whose file `git lfs pull` fetches") from error
+        raise
     if _may_be_deep(text) and _depth(content) > MAX_DEPTH:
         raise _too_deep()
     return content

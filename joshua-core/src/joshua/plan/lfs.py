@@ -14,6 +14,12 @@ _FIRST_LINE = b"version https://git-lfs.github.com/spec/"
 _LARGEST_POINTER_B = 1024
 
 
+def is_pointer_text(content: str | bytes) -> bool:
+    """Return whether the content of a file is that of a Git LFS pointer."""
+    start = content.encode(errors="replace") if isinstance(content, str) else content
+    return start.startswith(_FIRST_LINE)
+
+
 def is_lfs_pointer(path: Path) -> bool:
     """Return whether a file is a Git LFS pointer; False for a file that cannot be read."""
     try:

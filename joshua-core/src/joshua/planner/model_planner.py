@@ -49,7 +49,10 @@ def model_context(draft: Draft, entry: NodeEntry) -> ModelContext:
     if weights:
         folder = folder_of(draft.loaded.positions, path, draft.request.path)
         place = Path(os.path.normpath(folder / os.path.expanduser(weights)))  # noqa: PTH111 (as the checks)
-        weights = str(place) if place.exists() else weights
+        if place.exists():
+            weights = str(place)
+        elif (shipped := draft.registry.packaged_weights(weights)) is not None:
+            weights = str(shipped)
     elif awaits_weights(draft.config):
         weights = "weights of the training"  # neither a folder nor a name on the hub: its needs stay open
     return ModelContext(weights, owner.task, Compute(**block_values(owner.compute)), _rate(entry))

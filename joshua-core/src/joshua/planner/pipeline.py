@@ -97,7 +97,13 @@ def check_file(request: Request) -> Checked:
         *loaded.diagnostics,
         *check(loaded, without=("calibration",) if recalibrates else ()),
         *check_mode(loaded, registry, launch=request.launch),
-        *check_paths(loaded, launch=request.launch, host=request.host, is_packaged=registry.is_packaged),
+        *check_paths(
+            loaded,
+            launch=request.launch,
+            host=request.host,
+            is_packaged=registry.is_packaged,
+            packaged_weights=registry.packaged_weights,
+        ),
     ]
     if request.launch and not recalibrates and (request.emulate or not request.simulate):
         diagnostics += interrupted_calibrations(loaded, emulate=request.emulate, state_home=home)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
+from pathlib import Path
 from typing import TypeGuard, TypeVar
 
 from joshua.plan import installing
@@ -13,6 +15,7 @@ from joshua.plugins.specs import (
     Environment,
     EnvironmentSpec,
     ExtensionSpec,
+    ModelSpec,
     ModeOffer,
     PluginSpec,
     SimulatorSpec,
@@ -98,17 +101,25 @@ class Registry:
         Returns:
             None if no installed plugin provides files, so that it is unknown.
         """
-        answer = None
+        found = list(self._packaged(SimulatorSpec, name))
+        return any(path is not None for path in found) if found else None
+
+    def packaged_weights(self, name: str) -> Path | None:
+        """Weights of this name that ship with the plugin of a model; None if there are none.
+
+        Args:
+            name: such as ``joshua/so_arm100/reach``, as a file writes it.
+        """
+        return next((path for path in self._packaged(ModelSpec, name) if path is not None), None)
+
+    def _packaged(self, kind: type[ModelSpec | SimulatorSpec], name: str) -> Iterator[Path | None]:
+        """What each plugin of a kind that ships files answers to a name."""
         for spec, _ in self._usable:
-            if isinstance(spec, SimulatorSpec) and spec.packaged_files:
+            if isinstance(spec, kind) and spec.packaged_files:
                 try:
-                    found = load_target(spec.packaged_files)(name)
+                    yield load_target(spec.packaged_files)(name)
                 except TargetError:
                     continue  # `joshua plugins --check` reports the reason
-                if found is not None:
-                    return True
-                answer = False
-        return answer
 
     def environments(self, backend: str = "") -> tuple[tuple[Environment, EnvironmentSpec], ...]:
         """The environments for trainers, each with its spec.

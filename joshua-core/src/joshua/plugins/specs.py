@@ -142,11 +142,18 @@ class SensorSpec(DeviceSpec):
 
 
 class ModelSpec(NodePluginSpec):
-    """A policy."""
+    """A policy.
+
+    Attributes:
+        packaged_files: import string of a light function that takes the name of weights, such as
+            ``joshua/so_arm100/reach``, and returns the path of the plugin's weights of that name, or None.
+    """
 
     kind: ClassVar[str] = "model"
     base: ClassVar[str] = "joshua.models.model:Model"
     standard_behaviour: ClassVar[str] = "joshua_inference.node:InferenceNode"
+
+    packaged_files: str = ""
 
 
 class StoreSpec(PluginSpec):

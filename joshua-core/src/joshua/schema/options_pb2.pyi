@@ -82,7 +82,7 @@ VALUE_FIELD_NUMBER: _ClassVar[int]
 value: _descriptor.FieldDescriptor
 
 class FieldRule(_message.Message):
-    __slots__ = ("unit", "min", "max", "above", "default", "required", "kind", "allowed", "example", "min_items", "max_items", "required_unless", "may_repeat", "forms", "overridden_by", "needs_published", "only_with")
+    __slots__ = ("unit", "min", "max", "above", "default", "required", "kind", "allowed", "example", "min_items", "max_items", "required_unless", "may_repeat", "forms", "overridden_by", "needs_published", "only_with", "needs_torque")
     UNIT_FIELD_NUMBER: _ClassVar[int]
     MIN_FIELD_NUMBER: _ClassVar[int]
     MAX_FIELD_NUMBER: _ClassVar[int]
@@ -100,6 +100,7 @@ class FieldRule(_message.Message):
     OVERRIDDEN_BY_FIELD_NUMBER: _ClassVar[int]
     NEEDS_PUBLISHED_FIELD_NUMBER: _ClassVar[int]
     ONLY_WITH_FIELD_NUMBER: _ClassVar[int]
+    NEEDS_TORQUE_FIELD_NUMBER: _ClassVar[int]
     unit: str
     min: float
     max: float
@@ -117,7 +118,8 @@ class FieldRule(_message.Message):
     overridden_by: Override
     needs_published: str
     only_with: Condition
-    def __init__(self, unit: _Optional[str] = ..., min: _Optional[float] = ..., max: _Optional[float] = ..., above: _Optional[float] = ..., default: _Optional[str] = ..., required: _Optional[bool] = ..., kind: _Optional[_Union[FieldKind, str]] = ..., allowed: _Optional[_Iterable[str]] = ..., example: _Optional[str] = ..., min_items: _Optional[int] = ..., max_items: _Optional[int] = ..., required_unless: _Optional[_Iterable[str]] = ..., may_repeat: _Optional[bool] = ..., forms: _Optional[_Iterable[_Union[ValueForm, _Mapping]]] = ..., overridden_by: _Optional[_Union[Override, _Mapping]] = ..., needs_published: _Optional[str] = ..., only_with: _Optional[_Union[Condition, _Mapping]] = ...) -> None: ...
+    needs_torque: bool
+    def __init__(self, unit: _Optional[str] = ..., min: _Optional[float] = ..., max: _Optional[float] = ..., above: _Optional[float] = ..., default: _Optional[str] = ..., required: _Optional[bool] = ..., kind: _Optional[_Union[FieldKind, str]] = ..., allowed: _Optional[_Iterable[str]] = ..., example: _Optional[str] = ..., min_items: _Optional[int] = ..., max_items: _Optional[int] = ..., required_unless: _Optional[_Iterable[str]] = ..., may_repeat: _Optional[bool] = ..., forms: _Optional[_Iterable[_Union[ValueForm, _Mapping]]] = ..., overridden_by: _Optional[_Union[Override, _Mapping]] = ..., needs_published: _Optional[str] = ..., only_with: _Optional[_Union[Condition, _Mapping]] = ..., needs_torque: _Optional[bool] = ...) -> None: ...
 
 class Condition(_message.Message):
     __slots__ = ("field", "value", "required")

@@ -59,6 +59,7 @@ class FieldFacts:
         self.overridden_by = rule.overridden_by.field
         self.overridden_because = rule.overridden_by.because
         self.needs_published = rule.needs_published
+        self.needs_torque = rule.needs_torque
         self.only_with = rule.only_with if rule.HasField("only_with") else None
 
     @property

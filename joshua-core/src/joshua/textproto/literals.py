@@ -40,6 +40,11 @@ def integer(text: str) -> int | None:
     return plain_integer(_OCTAL.sub(r"\g<1>0o\g<2>", text))
 
 
+def is_octal(text: str) -> bool:
+    """Whether an integer is read as octal and would be another number in decimal."""
+    return _OCTAL.match(text) is not None and integer(text) != _parsed(int, text)
+
+
 def plain_integer(text: str) -> int | None:
     """Read an enum number: an integer that is not octal despite a leading zero."""
     return _parsed(lambda digits: int(digits, 0), text) if len(text) <= MAX_NUMBER_CHARACTERS else None

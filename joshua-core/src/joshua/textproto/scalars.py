@@ -63,6 +63,8 @@ class ScalarReader:
     def _integer(self, info: FieldInfo, value: Scalar, text: str, path: str) -> int | None:
         number = literals.integer(text)
         if number is not None and info.smallest <= number <= info.largest:
+            if literals.is_octal(text):
+                self._note_octal(info, value, text, number, path)
             return number
         if number is not None:
             limits = _limits_of(info)
@@ -76,6 +78,15 @@ class ScalarReader:
             allowed = (str(low),) if low == near else (str(low), str(low + 1))
         self._wrong_type(info, value, path, "takes a whole number", allowed)
         return None
+
+    def _note_octal(self, info: FieldInfo, value: Scalar, text: str, number: int, path: str) -> None:
+        message = f"{info.name} is {number} here: {text} starts with a zero, so it is octal."
+        sign = "-" if text.startswith("-") else ""
+        decimal = f"{sign}{text.lstrip('-0')}"
+        remedy = f"Write {number}, or {decimal} if you mean that number in decimal."
+        self._problems.error(
+            "number-octal", message, self._span(value), path=path, remedy=remedy, is_note=True
+        )
 
     def _enum(self, info: FieldInfo, value: Scalar, text: str, path: str) -> int | None:
         number = literals.plain_integer(text)

@@ -77,6 +77,7 @@ from joshua.textproto.positions import Positions as Positions
 from joshua.textproto.positions import Entry as Entry
 from joshua.config.format_file import replace_file as replace_file
 from joshua.tools.field_edits import EditError as EditError
+from joshua.tools.field_edits import load_readable as load_readable
 from joshua.tools.field_edits import edited_texts as edited_texts
 from joshua.tools.field_edits import replace_texts as replace_texts
 from joshua.tools.field_edits import show_change as show_change

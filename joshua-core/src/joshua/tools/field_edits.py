@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from joshua.cli.exit_codes import ExitCode
 from joshua.config.format_file import replace_file
+from joshua.plan import Severity
 from joshua.tools.configuration import spans
 
 if TYPE_CHECKING:
@@ -19,7 +21,15 @@ if TYPE_CHECKING:
 
 
 class EditError(Exception):
-    """A field cannot be written into the text, or was not. The message says where and why."""
+    """A field cannot be written into the text, or was not. The message says where and why.
+
+    Args:
+        code: exit code of the command that wanted to write it.
+    """
+
+    def __init__(self, message: str, code: ExitCode = ExitCode.INVALID) -> None:
+        super().__init__(message)
+        self.code = code
 
 
 @dataclass(frozen=True)
@@ -30,6 +40,27 @@ class Edit:
     start: int
     end: int
     text: str
+
+
+def load_readable(path: str) -> LoadedConfig:
+    """Load a configuration file whose text can be read without errors. Notes do not count.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        EditError: it has errors. The message contains them.
+    """
+    from joshua.config import load
+    from joshua.config.diagnostics import render_text
+    from joshua.plugins import load_registry
+
+    loaded = load(path, message_types=load_registry().message_modules())
+    errors = [item for item in loaded.diagnostics if item.severity is Severity.ERROR]
+    if errors:
+        found = render_text(errors, loaded.sources, color=False).rstrip()
+        raise EditError(f"{path} cannot be read:\n{found}")
+    return loaded
 
 
 def edited_texts(

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
+
+from joshua.api import DeviceError
+from joshua.tools import describe_pointer
 
 from joshua_camera.capture import Capture, Grab
 from joshua_camera.settings import CameraSettings
@@ -63,6 +68,7 @@ class FileCapture(Capture):
         if self.source.kind is SourceKind.PICTURES:
             if video.open(target, cv2.CAP_IMAGES):
                 return video
+            self._refuse_pointers(_pictures(target))
             raise self._refuse(
                 "matches no picture",
                 "number the pictures from 0 or 1 without gaps, and use a pattern with the same number of "
@@ -72,4 +78,27 @@ class FileCapture(Capture):
             raise self._refuse("does not exist", "correct the path in source")
         if video.open(target, cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1]):
             return video
+        self._refuse_pointers([Path(target)])
         raise self._refuse("is not a readable video file", "convert it, for example to H.264 in an mp4 file")
+
+    def _refuse_pointers(self, paths: Iterable[Path]) -> None:
+        """Raise DeviceError if one of the files is a Git LFS pointer."""
+        for path in paths:
+            pointer = describe_pointer(path)
+            if pointer is not None:
+                message, remedy = pointer
+                raise DeviceError(f"{message}: {remedy[0].lower()}{remedy[1:]}")
+
+
+def _pictures(pattern: str) -> list[Path]:
+    """The files of numbered pictures, in their order.
+
+    Args:
+        pattern: path with the place of the number, such as ``pictures/%04d.jpg``.
+    """
+    path = Path(pattern)
+    literal = map(re.escape, re.split(r"%\d*d", path.name))
+    name = re.compile(r"\d+".join(literal))
+    if not path.parent.is_dir():
+        return []
+    return sorted(item for item in path.parent.iterdir() if name.fullmatch(item.name))

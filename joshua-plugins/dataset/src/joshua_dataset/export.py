@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import shutil
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from joshua.features import DatasetLayout, EpisodeError, FeatureSet, Frame
 from joshua.tools import install
 
+from joshua_dataset.changes import changing
+from joshua_dataset.files import Files, reason
 from joshua_dataset.mcap_writer import McapWriter
 from joshua_dataset.metadata import STAMP
 from joshua_dataset.pictures import encoded
@@ -22,11 +26,14 @@ Progress = Callable[[int, int], None]
 def export(folder: Path, target: Path, kind: str, progress: Progress = lambda done, total: None) -> int:
     """Write the episodes of a data set for a viewer; return their number.
 
+    The target appears as a whole: after an error or a kill, there is no part of it.
+
     Args:
         target: new folder; kind: ``mcap`` or ``rerun``.
 
     Raises:
-        EpisodeError, DatasetError: the data set cannot be read, the target exists, or a library is missing.
+        EpisodeError, DatasetError: the data set cannot be read, the target exists or cannot be written, or a
+            library is missing.
     """
     dataset = Dataset.read(folder)
     write = _mcap if kind == "mcap" else _rerun
@@ -60,6 +67,20 @@ def _mcap(dataset: Dataset, target: Path) -> Iterator[int]:
         identity=dataset.identity,
         counters=dataset.counters,
     )
+    McapWriter(layout).check()
+    with changing(target) as change:
+        try:
+            yield from _messages(dataset, replace(layout, folder=change.made))
+        except EpisodeError as error:
+            if isinstance(error.__cause__, OSError):  # of the disk; the message names the private folder
+                raise error.__cause__ from error
+            raise
+        change.put_made()
+        change.commit()
+
+
+def _messages(dataset: Dataset, layout: DatasetLayout) -> Iterator[int]:
+    """Write the messages of each episode; yield their number so far."""
     with contextlib.closing(McapWriter(layout)) as writer:
         writer.open()
         for done, episode in enumerate(dataset.episode_list(), 1):
@@ -73,10 +94,23 @@ def _rerun(dataset: Dataset, target: Path) -> Iterator[int]:
     rerun = _library()
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise EpisodeError(f"{target} exists: name a new folder")
+    files = Files()
+    part = target.with_name(f".{target.name}.part")
     try:
-        target.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(part, ignore_errors=True)  # of an export that was killed
+        files.make_folder(part)
+        yield from _recordings(rerun, dataset, part)
+        for path in part.iterdir():
+            files.sync(path)
+        files.replace(part, target)
     except OSError as error:
-        raise EpisodeError(f"{target} cannot be written: {error.strerror or error}") from error
+        raise EpisodeError(f"{target} cannot be written: {reason(error)}") from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _recordings(rerun: Any, dataset: Dataset, target: Path) -> Iterator[int]:
+    """Write each episode into a recording of its own; yield their number so far."""
     for done, episode in enumerate(dataset.episode_list(), 1):
         name = f"episode-{episode.index:06d}"
         stream = rerun.RecordingStream(f"joshua {dataset.folder.name}", recording_id=name)

@@ -11,6 +11,8 @@ import termios
 import tty
 from pathlib import Path
 
+from joshua.api.files import safe_name
+
 VENDOR_ID = "1a86"
 PRODUCT_ID = "55d3"  # the adapter of SO-ARM100 kits
 
@@ -26,12 +28,15 @@ class PtyLine:
         root: folder for the names; ``dev/NAME``, ``dev/serial/by-id/…`` and ``sys/class/tty/NAME``.
         identity: USB serial number of the adapter.
         product: what the adapter is called in its name by identity.
+
+    Raises:
+        UnsafePathError: the identity or the product cannot be a part of a path.
     """
 
     def __init__(self, root: Path, identity: str, product: str = "Servo_Bus") -> None:
         self.root = root
-        self.identity = identity
-        self.product = product
+        self.identity = safe_name(identity, "the identity")
+        self.product = safe_name(product, "the product")
         self.name = ""
         self.master = -1
         self._slave = -1
@@ -53,7 +58,12 @@ class PtyLine:
         return self.root / "dev" / "serial" / "by-id" / name
 
     def plug(self, name: str) -> None:
-        """Plug the adapter in under a device name such as ``ttyACM0``. Raises FileExistsError."""
+        """Plug the adapter in under a device name such as ``ttyACM0``.
+
+        Raises:
+            FileExistsError: another adapter has it; UnsafePathError: it cannot be a part of a path.
+        """
+        safe_name(name, "the device name")
         if (self.root / "dev" / name).exists():
             raise FileExistsError(f"{self.root / 'dev' / name}: is in use; choose another name")
         self.unplug()

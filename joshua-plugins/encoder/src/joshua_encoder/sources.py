@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from joshua.api import DeviceDisconnected, DeviceError
 from joshua.api.clocks import AwakeClock, StampClock, witness
+from joshua.api.patience import SILENCE_LIMIT_S, Patience
 from joshua_serial.errors import PortUnusable
 from joshua_serial.port import SerialPort
 
@@ -37,8 +38,6 @@ _SURE = 3  # consecutive valid lines that are no coincidence
 _CHUNK_S = 0.002
 _LARGEST_CHUNK = 64
 _RETRIES = 2
-_FIRST_ATTEMPTS = 40  # attempts to reach a configured encoder
-_LATE_ATTEMPTS = 3  # further attempts if the bytes received may be late replies
 _LATE_ADDRESSES = 10  # requests that may be sent before a reply arrives
 _MOST_ASKS = 6  # requests to one encoder in one round while its line is not trusted
 _MICROSECONDS = 1 << 32  # of a microcontroller's 32-bit clock
@@ -206,26 +205,25 @@ class Amt21Source(Source):
         super().__init__(port, settings)
         self._period_s = 1.0 / settings.rate_hz
         self._due_s = time.monotonic()
-        self._good_s = self._awake.now_s()
         self._echo = False
+        period_s = max(self._period_s, ANSWER_S)
+        self._patience = {
+            address: Patience(STALE_S, period_s=period_s, clock=time.monotonic)
+            for address in settings.addresses
+        }
         self._trust = {address: Trust(settings.resolution) for address in settings.addresses}
 
     def start(self) -> None:
         """Poll each encoder."""
-        missing = [
-            address
-            for address in self.settings.addresses
-            if not self._answers(address, attempts=_FIRST_ATTEMPTS)
-        ]
+        addresses = self.settings.addresses
+        missing = [address for address in addresses if not self._answers(address, STALE_S)]
         if missing:
             raise self._explain(missing)
         self._due_s = time.monotonic()
-        self._good_s = self._awake.now_s()
 
     def read(self, deadline_s: float) -> list[Counts]:
         """Wait for the next round, then poll each encoder."""
         now_s = time.monotonic()
-        self._awake.now_s()
         if self._due_s > deadline_s:
             time.sleep(max(0.0, deadline_s - now_s))
             return []
@@ -233,18 +231,30 @@ class Amt21Source(Source):
         self._due_s = max(self._due_s + self._period_s, time.monotonic())
         counts = []
         for address in self.settings.addresses:
+            patience = self._patience[address]
+            patience.begin()
             count = self._ask(address)
             if count is None:
-                if self._awake.now_s() - self._good_s > STALE_S:
-                    raise DeviceDisconnected(
-                        f"{self.port}: the AMT21 at address {address} has not answered for {STALE_S:g} s: "
-                        "check its power, both wires of the bus and its termination"
-                    )
+                if not patience.miss():
+                    raise self._lost(address, patience)
                 return []
+            patience.hear()
             counts.append(count)
         stamp_ns = self._clock.now_ns()
-        self._good_s = self._awake.now_s()
         return [Counts(stamp_ns, stamp_ns, tuple(counts))]
+
+    def _lost(self, address: int, patience: Patience) -> DeviceDisconnected:
+        """An error for an encoder with which the patience has ended; it is blamed only for awake time."""
+        if patience.is_silent:
+            return DeviceDisconnected(
+                f"{self.port}: the AMT21 at address {address} has not answered for {STALE_S:g} s: check its "
+                "power, both wires of the bus and its termination"
+            )
+        return DeviceDisconnected(
+            f"{self.port}: no reply of the AMT21 at address {address} for {patience.gap_s:.1f} s, of which "
+            f"this process was delayed by {patience.delayed_s:.1f} s: the machine is too busy to tell "
+            "whether the encoder is at fault. Close other programs, then try again"
+        )
 
     def _ask(self, address: int) -> int | None:
         """Poll one encoder until a reply is trusted; None if too many are missing or doubtful."""
@@ -272,9 +282,15 @@ class Amt21Source(Source):
                     return count
         return None
 
-    def _answers(self, address: int, timeout_s: float = ANSWER_S, attempts: int = _RETRIES) -> bool:
-        """Return whether an encoder replies; also detects whether the adapter echoes."""
-        for attempt in range(attempts + _LATE_ATTEMPTS):
+    def _answers(self, address: int, limit_s: float, timeout_s: float = ANSWER_S) -> bool:
+        """Return whether an encoder replies; also detects whether the adapter echoes.
+
+        Args:
+            limit_s: awake time in which it may leave requests unanswered; timeout_s: of each request.
+        """
+        patience = Patience(limit_s, period_s=timeout_s, clock=time.monotonic)
+        while True:
+            patience.begin()
             self.port.send(bytes((address,)))
             answer = self.port.receive(ANSWER_LENGTH + 1, time.monotonic() + timeout_s)
             echo = len(answer) == ANSWER_LENGTH + 1 and answer[0] == address
@@ -283,9 +299,8 @@ class Amt21Source(Source):
                 return True
             if answer:  # may include replies to earlier requests: wait until the line is idle
                 self.port.receive(_LARGEST_CHUNK, time.monotonic() + timeout_s)
-            elif attempt + 1 >= attempts:
+            if not patience.miss():
                 return False
-        return False
 
     def _heard(self, timeout_s: float) -> list[int]:
         """Return the addresses that may reply; a reply does not contain its address."""
@@ -314,13 +329,15 @@ class Amt21Source(Source):
             f"{port}: the AMT21 at address {listed} answers only intermittently: check its power, both wires "
             "of the bus and its termination"
         )
-        if all(self._answers(address, patient_s) for address in missing):  # poll each of them again
+        if all(
+            self._answers(address, SILENCE_LIMIT_S, patient_s) for address in missing
+        ):  # poll each of them again
             return at_times
         for speed in dict.fromkeys((asked, AMT21_BAUDRATE, 115_200, 9_600, 19_200, 38_400)):
             if not _runs_at(port, speed):
                 continue
             heard = self._heard(SEARCH_ANSWER_S + port.wire_time_s(4))
-            found = [address for address in heard if self._answers(address, patient_s)]
+            found = [address for address in heard if self._answers(address, SILENCE_LIMIT_S, patient_s)]
             if found and speed != asked:
                 return DeviceError(
                     f"{port}: {wanted} at {asked} bit/s, but one does at {speed}: set baudrate: {speed}"

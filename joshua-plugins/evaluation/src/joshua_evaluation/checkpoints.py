@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from joshua.tools import describe_pointer, parse_json
+from joshua.tools import describe_pointer, load_registry, parse_json
 
 #: Description and weights written by the trainers of reinforcement learning.
 ABOUT, WEIGHTS = "policy.json", "policy.safetensors"
@@ -72,6 +72,9 @@ def recognise(path: Path, given: str, block: str = "") -> Checkpoint | None:
     if block:
         return Checkpoint(str(path) if path.exists() else given, block)
     if not path.exists():
+        shipped = load_registry().packaged_weights(given)
+        if shipped is not None:
+            return _policy(shipped)
         first = given.partition("/")[0]
         is_hub_id = _HUB_ID.fullmatch(given) and first not in _FOLDERS and not path.parent.is_dir()
         return Checkpoint(given, LEROBOT) if is_hub_id else None

@@ -12,6 +12,7 @@ from xml.etree import ElementTree as Xml
 import mujoco
 import numpy as np
 import numpy.typing as npt
+from joshua.api.files import safe_name
 from joshua_training.run_folder import RunError
 
 FloatArray = npt.NDArray[np.float64]
@@ -132,8 +133,9 @@ def write_urdf(model: mujoco.MjModel, name: str, folder: Path) -> Path:
     """Write the URDF of a model's robot into a folder, named after its content, and return its path.
 
     Isaac Lab converts a file once and looks at its name alone to see whether it did; the name has one dot,
-    which its converter requires. Raises AssetError, OSError.
+    which its converter requires. Raises AssetError, OSError; UnsafePathError for a name that cannot be one.
     """
+    safe_name(name, "the robot")
     text = urdf_of(model, name)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}.urdf"

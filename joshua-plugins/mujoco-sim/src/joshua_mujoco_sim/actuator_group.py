@@ -133,10 +133,9 @@ class ActuatorGroup:
 
     def brake(self) -> None:
         """Let position and velocity drives brake the joints where they are, and others apply no force."""
-        self._end_loop()
+        self.let_go()
         self._drives.go_to(np.where(self._looped, np.nan, self.position_rad))
-        if self._has_loop:
-            self._drives.rest(self._looped)
+        self._drives.rest(np.array([kind == "velocity" for kind in self.kinds], np.bool_))
 
     def set_gains(self, place: int, gains: Gains) -> None:
         """Replace the gains of a joint that a position loop drives, by its place in the group."""

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import Polynomial
 
-from joshua_mujoco_sim.drivable import DrivableJoint
 from joshua_mujoco_sim.transmission import wrapped_joints
+
+if TYPE_CHECKING:
+    from joshua_mujoco_sim.drivable import DrivableJoint
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

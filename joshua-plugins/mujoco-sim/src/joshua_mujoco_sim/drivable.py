@@ -34,6 +34,7 @@ from joshua_mujoco_sim.position_range import (
     shared,
 )
 from joshua_mujoco_sim.transmission import Coupling, Follower, couplings, length_of_tendon, wrapped_joints
+from joshua_mujoco_sim.weak_drives import too_soft
 
 #: Range of a joint without one, to both sides: one turn of a hinge, or this length of a slide.
 UNLIMITED_RAD, UNLIMITED_M = math.tau, 1.0
@@ -151,7 +152,8 @@ def drivables(model: mujoco.MjModel) -> Drivables:
             refused += [_refusal(model, drive.actuator, joint) for drive, _ in drives]
         else:
             joints.append(joint)
-    return Drivables(tuple(_named(model, joints)), tuple(sorted(refused, key=lambda one: one.index)))
+    helped = _helped(model, joints)
+    return Drivables(tuple(_named(model, helped)), tuple(sorted(refused, key=lambda one: one.index)))
 
 
 def _coordinate(
@@ -210,6 +212,15 @@ def _joint(
         tendon=index if what == "tendon" else -1,
         followers=followers,
     )
+
+
+def _helped(model: mujoco.MjModel, joints: Sequence[DrivableJoint]) -> list[DrivableJoint]:
+    """Let a position loop drive the joints whose position drives are too soft to hold them."""
+    held = [joint for joint in joints if joint.kind == "position"]
+    if not held:
+        return list(joints)
+    soft = [joint for joint, is_soft in zip(held, too_soft(model, held), strict=True) if is_soft]
+    return [replace(joint, kind="torque") if joint in soft else joint for joint in joints]
 
 
 def _followers(coupled: Mapping[int, Coupling], root: int) -> tuple[Follower, ...]:

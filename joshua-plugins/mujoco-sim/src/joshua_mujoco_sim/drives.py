@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -11,7 +12,9 @@ import numpy.typing as npt
 from numpy.polynomial import Polynomial
 
 from joshua_mujoco_sim.actuator_kinds import activation_of, control_of, output_of
-from joshua_mujoco_sim.drivable import DrivableJoint
+
+if TYPE_CHECKING:
+    from joshua_mujoco_sim.drivable import DrivableJoint
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -130,6 +133,10 @@ class Drives:
         if added is not None:
             damping = damping + np.asarray(added)[self.actuator]
         return self._by_joint(damping * self.slope(position) ** 2)
+
+    def stiffness(self, position: FloatArray) -> FloatArray:
+        """Return the stiffness of position drives at their joints, N·m/rad or N/m, shape (N,)."""
+        return self._by_joint(-self._bias[1] * self.slope(position) ** 2)
 
     def force_limit(self, position: FloatArray) -> FloatArray:
         """Return the largest forces on the joints, N·m or N, shape (N,); ``UNLIMITED_FORCE`` for none."""

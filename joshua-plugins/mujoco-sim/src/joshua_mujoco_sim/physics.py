@@ -14,6 +14,7 @@ from joshua_mujoco_sim.actuator_group import ActuatorGroup
 from joshua_mujoco_sim.drivable import DrivableJoint, drivables, must_be_driven_each_step
 from joshua_mujoco_sim.model_file import ModelError
 from joshua_mujoco_sim.position_loop import PositionLoop
+from joshua_mujoco_sim.transmission import single_joints
 from joshua_mujoco_sim.variation import Variation, Varier
 
 FloatArray = npt.NDArray[np.float64]
@@ -115,6 +116,7 @@ class Physics:
             mujoco.mj_resetDataKeyframe(self.model, self.data, self._key)
         else:
             mujoco.mj_resetData(self.model, self.data)
+            self._enter_limits()
         self.loop.clear()
         for key, prefix in self._further_keys:
             self._take_from_keyframe(key, prefix)
@@ -184,6 +186,15 @@ class Physics:
         near = get_close_matches(name, self._joint_by_name, n=1, cutoff=0.0)
         nearest = f"did you mean {near[0]}? " if near else ""
         return f"the model has no actuator {name!r}: {nearest}it has {', '.join(known) or 'none'}"
+
+    def _enter_limits(self) -> None:
+        """Move joints that start outside their limits to the nearest end, as the limits would do by force."""
+        model, data = self.model, self.data
+        for joint in single_joints(model):
+            if model.jnt_limited[joint]:
+                place = model.jnt_qposadr[joint]
+                low, high = model.jnt_range[joint]
+                data.qpos[place] = min(max(data.qpos[place], low), high)
 
     def _take_from_keyframe(self, key: int, prefix: str) -> None:
         """Set the joints and actuators under a prefix to a keyframe."""

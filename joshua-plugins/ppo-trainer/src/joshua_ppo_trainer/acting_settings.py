@@ -11,11 +11,10 @@ from joshua.features import ACTION, STATE, Feature
 from joshua.tools import describe_pointer, install, parse_json
 from pydantic import model_validator
 
+from joshua_ppo_trainer.shipped import REACH
+
 ABOUT = "policy.json"
 WEIGHTS, NETWORK = "policy.safetensors", "policy.onnx"
-
-#: Policy that runs if the file names none.
-SHIPPED = Path(__file__).with_name("reach")
 
 #: Observations from a robot and a goal; objects of a simulation are not among them.
 SHOWN = frozenset({STATE, "observation.velocity", "observation.lead", "observation.grip"}) | {
@@ -50,7 +49,7 @@ class PpoPolicySettings(ModelSettings):
     def folder(self) -> Path:
         """Folder of the policy's files: the newest checkpoint of a run. Raises FieldError."""
         if not self.weights:
-            return SHIPPED
+            return REACH
         folder = Path(self.weights)
         steps = sorted((folder / "checkpoints").glob("step_*")) if (folder / "run.json").is_file() else []
         found = steps[-1] if steps else folder

@@ -16,6 +16,7 @@ def joshua_specs() -> list[PluginSpec]:
             implementation="joshua_ppo_trainer.acting:PpoModel",
             settings="joshua_ppo_trainer.acting_settings:PpoPolicySettings",
             summary="policies trained by joshua-ppo-trainer, without PyTorch",
+            packaged_files="joshua_ppo_trainer.shipped:find_packaged",
         ),
         TrainerSpec(
             block="training",

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from joshua.api.files import safe_name
 from ray.tune import Trainable
 
 from joshua_ray.locks import free_domain, wait_for
@@ -126,5 +127,9 @@ class Trial(Trainable):  # type: ignore[misc,unused-ignore]
 
 
 def number(trial_id: str) -> str:
-    """Return the number of a trial, which is the end of its id."""
-    return trial_id.rpartition("_")[2]
+    """Return the number of a trial, which is the end of its id and the name of its folder.
+
+    Raises:
+        UnsafePathError: it cannot be a part of a path.
+    """
+    return safe_name(trial_id.rpartition("_")[2], "the number of the trial")

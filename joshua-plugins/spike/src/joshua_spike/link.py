@@ -12,6 +12,7 @@ from bleak import BleakClient, BleakScanner
 from bleak.backends.device import BLEDevice
 from bleak.backends.scanner import AdvertisementData
 from bleak.exc import BleakError
+from joshua.api.patience import AwakeClock
 
 from joshua_spike.adapters import Adapter, adapter_problem, open_adapter
 from joshua_spike.errors import HubNotFound, HubUnreachable, LinkLost, ProgramFailed, WrongFirmware
@@ -28,6 +29,7 @@ from joshua_spike.pybricks import (
     stdin_commands,
     upload_commands,
 )
+from joshua_spike.waiting import LOOK_S, wait_awake
 
 FIND_TIMEOUT_S = 8.0
 CONNECT_TIMEOUT_S = 15.0
@@ -203,7 +205,7 @@ class HubLink:
             timeout=CONNECT_TIMEOUT_S,
             **self._adapter.client_options,
         )
-        await asyncio.wait_for(client.connect(), CONNECT_TIMEOUT_S)
+        await wait_awake(client.connect(), CONNECT_TIMEOUT_S)
         self._client = client
         if client.services.get_service(self._service) is None:
             found = ", ".join(service.description for service in client.services)
@@ -231,14 +233,14 @@ class HubLink:
         self._stands = False
         if client is not None:
             with contextlib.suppress(BleakError, OSError, asyncio.TimeoutError):
-                await asyncio.wait_for(client.disconnect(), COMMAND_TIMEOUT_S)
+                await wait_awake(client.disconnect(), COMMAND_TIMEOUT_S)
 
     async def _write(self, data: bytes, *, response: bool) -> None:
         client = self._client
         if client is None:
             raise LinkLost(f"{self}: the link is closed")
         try:
-            await asyncio.wait_for(
+            await wait_awake(
                 client.write_gatt_char(COMMAND_EVENT, data, response=response), COMMAND_TIMEOUT_S
             )
         except (BleakError, OSError, asyncio.TimeoutError) as error:
@@ -258,14 +260,14 @@ class HubLink:
             raise self._program_failed("does not start") from None
 
     async def _wait_until(self, reached: Callable[[], bool]) -> None:
-        deadline_s = asyncio.get_running_loop().time() + COMMAND_TIMEOUT_S
+        clock = AwakeClock()
         while not reached():
-            left_s = deadline_s - asyncio.get_running_loop().time()
+            left_s = COMMAND_TIMEOUT_S - clock.now_s()
             if self._client is None or left_s <= 0:
                 raise LinkLost(f"{self}: does not report its status. Move closer")
             self._status_changed.clear()
             with contextlib.suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._status_changed.wait(), left_s)
+                await asyncio.wait_for(self._status_changed.wait(), min(left_s, LOOK_S))
 
     def _on_event(self, data: bytes) -> None:
         if not data:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import threading
-import time
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
 from joshua.api import Cancelled
+from joshua.api.patience import AwakeClock
 
 T = TypeVar("T")
 
-LOOK_S = 0.1  # polling period for cancellation
+LOOK_S = 0.1  # polling period for cancellation and of the clock
 
 
 class LoopThread:
@@ -39,15 +39,16 @@ class LoopThread:
         """Wait for a coroutine; raise what it raises, TimeoutError when it takes longer.
 
         Args:
+            timeout_s: of time in which this process runs; a machine that stands still does not use it up.
             stopping: polled; Cancelled is raised when it returns true.
         """
         if self._loop is None:
             coroutine.close()
             raise RuntimeError("the loop thread is not running")
         future = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
-        end_s = time.monotonic() + timeout_s
+        clock = AwakeClock()
         while True:
-            left_s = end_s - time.monotonic()
+            left_s = timeout_s - clock.now_s()
             try:
                 return future.result(max(0.0, min(left_s, LOOK_S)))
             except concurrent.futures.TimeoutError as error:

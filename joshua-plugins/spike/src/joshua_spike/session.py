@@ -9,18 +9,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from joshua.api.clocks import StampClock
+from joshua.api.patience import Patience
 
 from joshua_spike.errors import LinkLost, MotorCheckFailed, ProgramFailed
 from joshua_spike.hub.program import HubProgram
 from joshua_spike.lines import HubState, Line
 from joshua_spike.link import HubLink
 from joshua_spike.pybricks import Status
+from joshua_spike.waiting import wait_awake
 
 POLL_PERIOD_S = 0.02  # polling period of the state without commands
-REPLY_TIMEOUT_S = 0.25
+REPLY_TIMEOUT_S = 0.25  # after which a line is sent again
 HELLO_TIMEOUT_S = 0.6
+CONFIGURE_TIMEOUT_S = 1.0
+ORDER_PATIENCE_S = 1.0  # awake time in which the hub may leave lines without a reply
+HELLO_PATIENCE_S = 1.2
+CONFIGURE_PATIENCE_S = 4.0
 READY_TIMEOUT_S = 5.0
-ORDER_ATTEMPTS = 4
 PIPELINE_SHARE = 0.6  # share of a round trip between two pending lines
 MOST_OUTSTANDING = 2  # lines that may be pending: one poll, one with targets
 MOTOR_DEVICES = {
@@ -124,7 +129,7 @@ class HubSession:
         """Make the hub execute a command now and return its next state. Raises LinkLost, ProgramFailed."""
         if kind != "E":
             self._targets = None
-        line = await self._ask(Line(kind, 0), "S", REPLY_TIMEOUT_S, ORDER_ATTEMPTS)
+        line = await self._ask(Line(kind, 0), "S", REPLY_TIMEOUT_S, ORDER_PATIENCE_S)
         if line is None:
             raise self.end or LinkLost(f"{self.link}: does not respond to commands. Move closer")
         return HubState.of(line)
@@ -136,7 +141,7 @@ class HubSession:
 
     async def _identity(self) -> str:
         """Return the identity of the running program; "" if it is not the hub program."""
-        answer = await self._ask(Line("?", 0), "R", HELLO_TIMEOUT_S, 2)
+        answer = await self._ask(Line("?", 0), "R", HELLO_TIMEOUT_S, HELLO_PATIENCE_S)
         return answer.words[0] if answer is not None and answer.words else ""
 
     async def _upload(self, program: HubProgram) -> None:
@@ -145,7 +150,7 @@ class HubSession:
         await self.link.upload(program.blob)
         self.counters.uploads += 1
         try:
-            await asyncio.wait_for(ready, READY_TIMEOUT_S)
+            await wait_awake(ready, READY_TIMEOUT_S)
         except asyncio.TimeoutError:
             words = self.link.last_words() or "nothing"
             raise ProgramFailed(
@@ -158,7 +163,7 @@ class HubSession:
 
     async def _configure(self) -> None:
         words = (*self._dead_man, self._ports)
-        answer = await self._ask(Line("C", 0, words), "M", 1.0, ORDER_ATTEMPTS)
+        answer = await self._ask(Line("C", 0, words), "M", CONFIGURE_TIMEOUT_S, CONFIGURE_PATIENCE_S)
         if answer is None:
             raise self.end or LinkLost(f"{self.link}: its program does not answer. Move closer")
         problems = []
@@ -183,11 +188,16 @@ class HubSession:
                 )
             )
 
-    async def _ask(self, line: Line, answer: str, timeout_s: float, attempts: int) -> Line | None:
-        """Send a line until its reply arrives; None if none does."""
-        for _ in range(attempts):
-            if self.end is not None:
-                return None
+    async def _ask(self, line: Line, answer: str, timeout_s: float, patience_s: float) -> Line | None:
+        """Send a line until its reply arrives; None if none does.
+
+        Args:
+            answer: kind of the reply; timeout_s: after which the line is sent again.
+            patience_s: awake time without a reply, see ``joshua.api.patience.Patience``.
+        """
+        patience = Patience(patience_s, period_s=timeout_s)
+        while self.end is None:
+            patience.begin()
             sequence = self._next_sequence()
             future: asyncio.Future[Line] = asyncio.get_running_loop().create_future()
             key = f"{answer}{sequence:02x}"
@@ -197,6 +207,8 @@ class HubSession:
                 return await asyncio.wait_for(future, timeout_s)
             except asyncio.TimeoutError:
                 self.counters.lost += 1
+                if not patience.miss():
+                    return None
             finally:
                 self._answers.pop(key, None)
         return None

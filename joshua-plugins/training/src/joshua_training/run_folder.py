@@ -21,7 +21,8 @@ from pathlib import Path
 from typing import Any
 
 from joshua.api.files import NO_SPACE, Files, UnsafePathError, inside, safe_name
-from joshua.tools import parse_json
+from joshua.api.texts import HIDDEN, masked
+from joshua.tools import describe_pointer, parse_json
 
 #: Number of checkpoints kept beside the one being written.
 KEPT = 3
@@ -90,8 +91,9 @@ def read_part(checkpoint: Path, name: str, parse: Callable[[bytes], Any], *keys:
     Raises:
         RunError: it is missing, truncated, or from another program; see ``unusable``.
     """
+    path = checkpoint / name
     try:
-        found = parse((checkpoint / name).read_bytes())
+        found = parse(path.read_bytes())
     except FileNotFoundError as error:
         raise unusable(checkpoint, f"{name} is missing") from error
     except MemoryError:  # says nothing of the file
@@ -99,6 +101,8 @@ def read_part(checkpoint: Path, name: str, parse: Callable[[bytes], Any], *keys:
     except OSError as error:
         raise unusable(checkpoint, f"{name} cannot be read: {error.strerror}") from error
     except Exception as error:  # of json and of safetensors, which is imported only where it is needed
+        if (pointer := describe_pointer(path)) is not None:
+            raise RunError(": ".join(pointer)) from error
         raise unusable(checkpoint, f"{name} is truncated or damaged ({error})") from error
     if not isinstance(found, dict) or not found.keys() >= set(keys):
         lacking = next((key for key in keys if not isinstance(found, dict) or key not in found), "fields")
@@ -126,6 +130,9 @@ class RunFolder:
     def create(cls, parent: Path, name: str, facts: Mapping[str, Any]) -> RunFolder:
         """Create the folder of a new run, named after it and the time.
 
+        Args:
+            facts: content of ``run.json``. Secrets in its texts are hidden, as in logs.
+
         Raises:
             RunError: it cannot be written.
         """
@@ -142,7 +149,8 @@ class RunFolder:
             except OSError as error:
                 raise RunError(f"{path} cannot be created: {error.strerror}: set output_folder") from error
         folder = cls(path)
-        folder.write_json("run.json", {**facts, "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")})
+        started = time.strftime("%Y-%m-%dT%H:%M:%S%z")
+        folder.write_json("run.json", {**_without_secrets(facts), "started": started})
         return folder
 
     @classmethod
@@ -357,12 +365,12 @@ def refuse_other(before: Mapping[str, Any], wanted: Mapping[str, Any], free: Col
     old = {**before, **before.get("settings", {})}
     new = {**wanted, **wanted.get("settings", {})}
     for key, value in new.items():
-        if key not in unimportant and _plain(old.get(key)) != _plain(value):
+        if key not in unimportant and not _is_same(old.get(key), value):
             if key not in old:
                 place = '"settings" in run.json' if key in wanted.get("settings", {}) else "run.json"
                 raise RunError(
                     f"an older version started the run and did not record {key}, but the file says {value}: "
-                    f'if that is how the run was started, add "{key}": {json.dumps(_plain(value))} to '
+                    f'if that is how the run was started, add "{key}": {json.dumps(value)} to '
                     f"{place}; otherwise start a new run"
                 )
             raise RunError(
@@ -380,8 +388,27 @@ def kind_of(facts: Mapping[str, Any]) -> str:
     return "a training by METHOD_RL" if facts.get("environment") else ""
 
 
-def _plain(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
+def _without_secrets(value: Any) -> Any:
+    """A value for JSON whose texts hide secrets, see ``masked``."""
+    if isinstance(value, str):
+        return masked(value)
+    if isinstance(value, Mapping):
+        return {key: _without_secrets(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_secrets(item) for item in value]
+    return value
+
+
+def _is_same(kept: Any, value: Any) -> bool:
+    """Return whether a value is the one that a run kept, where hidden parts may be anything."""
+    if isinstance(kept, str) and isinstance(value, str) and HIDDEN in kept:
+        shown = map(re.escape, kept.split(HIDDEN))
+        return re.fullmatch(".+".join(shown), value, re.DOTALL) is not None
+    if isinstance(kept, Mapping) and isinstance(value, Mapping):
+        return kept.keys() == value.keys() and all(_is_same(kept[key], value[key]) for key in kept)
+    if isinstance(kept, list) and isinstance(value, list | tuple):
+        return len(kept) == len(value) and all(map(_is_same, kept, value))
+    return bool(kept == value)
 
 
 def described(folder: Path) -> dict[str, Any]:

@@ -81,6 +81,15 @@ def test_a_file_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert "permissions" in found.remedy
 
 
+def test_a_git_lfs_pointer_is_named_with_the_command_that_fetches_the_file(tmp_path: Path) -> None:
+    (tmp_path / ".git").mkdir()
+    (tmp_path / "wave.csv").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n")
+    (found,) = examine(tmp_path / "robot.pbtxt", MOTION.format(node="", file="wave.csv"))
+    assert (found.code, found.severity) == ("input-file-is-pointer", Severity.ERROR)
+    assert "is a Git LFS pointer" in found.message
+    assert found.remedy == f"Run git -C {tmp_path} lfs pull --include wave.csv."
+
+
 def test_a_name_that_the_system_refuses_does_not_exist(tmp_path: Path) -> None:
     (found,) = examine(tmp_path / "robot.pbtxt", MOTION.format(node="", file="a" * 3000))
     assert found.code == "input-file-missing"
@@ -92,6 +101,19 @@ def test_files_of_other_machines_are_not_looked_for(tmp_path: Path) -> None:
     assert examine(path, text, host="desktop") == []
     assert len(examine(path, text, host="jetson")) == 1
     assert len(examine(path, text)) == 1
+
+
+def test_missing_weights_are_an_error_without_a_launch(tmp_path: Path) -> None:
+    path = tmp_path / "robot.pbtxt"
+    (found,) = examine(path, EVAL.format(weights="runs/a"), launch=False)
+    assert (found.code, found.severity) == ("weights-not-found", Severity.ERROR)
+    shipped = {"runs/a": tmp_path}
+    assert examine(path, EVAL.format(weights="runs/a"), packaged_weights=shipped.get) == []
+
+
+def test_weights_of_a_method_that_does_not_run_are_not_looked_for(tmp_path: Path) -> None:
+    text = EVAL.format(weights="runs/a").replace("METHOD_EVAL", "METHOD_RL")
+    assert examine(tmp_path / "robot.pbtxt", text) == []
 
 
 @pytest.mark.parametrize("weights", ["lerobot/smolvla_base", "my-name/policy.v2"])

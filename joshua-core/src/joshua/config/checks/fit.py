@@ -158,7 +158,8 @@ def _data_store(context: Context) -> Iterator[Diagnostic]:
         yield _unused(context, f"{path}.plugin_config", "FORMAT_PLUGIN", f"{path}.format")
 
 
-_METHOD_BLOCKS = {
+#: The block with the parameters of each training method.
+METHOD_BLOCKS = {
     pb.METHOD_RL: "rl_config",
     pb.METHOD_IMITATION: "imitation_config",
     pb.METHOD_EVAL: "eval_config",
@@ -168,7 +169,7 @@ _METHOD_BLOCKS = {
 
 def _training(context: Context) -> Iterator[Diagnostic]:
     training, path = context.config.ai.training, "ai.training"
-    needed = _METHOD_BLOCKS.get(training.method)
+    needed = METHOD_BLOCKS.get(training.method)
     if needed is None:
         return  # the rules of the fields report a missing method
     method = pb.TrainingMethod.Name(training.method)
@@ -182,7 +183,7 @@ def _training(context: Context) -> Iterator[Diagnostic]:
             remedy=f"Add {needed} {{ ... }} to training; "
             f"`joshua explain ai.training.{needed}` lists its fields",
         )
-    for number, name in _METHOD_BLOCKS.items():
+    for number, name in METHOD_BLOCKS.items():
         if name in (needed, "plugin_config") or not _has(training, name):
             continue
         message = (

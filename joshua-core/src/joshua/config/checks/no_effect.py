@@ -9,12 +9,14 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from joshua.config.checks.context import Block, Context
+from joshua.config.checks.identity import title
 from joshua.plan import Diagnostic
+from joshua.plan.graph import NodeEntry
 from joshua.schema import config_pb2 as pb
 from joshua.schema import data_type_pb2 as types
 from joshua.schema.options_pb2 import WEIGHTS_NONE
 from joshua.schema.rules import value_rule
-from joshua.textproto.field_facts import FieldFacts
+from joshua.textproto.field_facts import FieldFacts, number_text
 
 _RELEASES = (pb.RELEASE, pb.PARK_THEN_RELEASE)
 _STORE_MODES = (pb.MODE_UNSPECIFIED, pb.MODE_DATA_STORE, pb.MODE_SIMULATION)
@@ -129,10 +131,29 @@ def check(context: Context) -> Iterator[Diagnostic]:
             if other and getattr(block.message, other) and context.is_set(block, facts.name):
                 remedy = f"Remove {facts.name} or {other}"
                 yield _note(context, block, facts.name, facts.overridden_because, remedy)
+            if facts.needs_torque:
+                yield from _without_torque(context, block, facts)
             if facts.only_with is not None:
                 yield from _condition(context, block, facts)
             if facts.message_type is pb.JointControl.DESCRIPTOR:
                 yield from _controls(context, block, facts)
+
+
+def _owner(context: Context, block: Block) -> NodeEntry | None:
+    """The node whose settings a block holds."""
+    entries = context.graph.entries
+    return next((entry for entry in entries if block.path.startswith(f"{entry.owner_path}.")), None)
+
+
+def _without_torque(context: Context, block: Block, facts: FieldFacts) -> Iterator[Diagnostic]:
+    """A field of a leader that concerns torque. Its default value says nothing, so it may stay."""
+    is_default = number_text(getattr(block.message, facts.name)) == facts.default
+    if is_default or not context.is_set(block, facts.name):
+        return
+    owner = _owner(context, block)
+    if owner is not None and owner.leads:
+        remedy = f"Remove it; it belongs to the follower of {title(owner)}"
+        yield _note(context, block, facts.name, "a leader never has torque", remedy)
 
 
 def _note(context: Context, block: Block, name: str, reason: str, remedy: str) -> Diagnostic:
@@ -158,9 +179,7 @@ def _condition(context: Context, block: Block, facts: FieldFacts) -> Iterator[Di
 
 def _controls(context: Context, block: Block, facts: FieldFacts) -> Iterator[Diagnostic]:
     """Joints that a person moves with an input device."""
-    owner = next(
-        (entry for entry in context.graph.entries if block.path.startswith(f"{entry.owner_path}.")), None
-    )
+    owner = _owner(context, block)
     sent = {publisher.data_type for publisher in owner.node.publishers} if owner else set()
     if getattr(block.message, facts.name):
         needed = facts.needs_published

@@ -9,9 +9,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from joshua.config.checks.context import Context
+from joshua.config.checks.fit import METHOD_BLOCKS
 from joshua.config.input_paths import folder_of
 from joshua.config.loading import LoadedConfig
 from joshua.plan import Diagnostic
+from joshua.plan.lfs import describe_pointer
 from joshua.schema import config_pb2 as pb
 from joshua.schema import options_pb2 as rules
 from joshua.schema import simulation_pb2, transport_pb2
@@ -40,6 +42,10 @@ _PLACES = frozenset(
         rules.KIND_OUTPUT_PATH,
     )
 )
+_TRAIN_THEM = (
+    "Correct the path, or train a policy first: `joshua new train --from training_rl_ppo` writes the file "
+    "of a training, whose log names the folder of its run"
+)
 _PUT_IT_THERE = "Correct the path or put the file there"
 
 # These return False for a name that the system refuses, such as a long one.
@@ -52,6 +58,7 @@ def check_paths(
     *,
     host: str = "",
     is_packaged: Callable[[str], bool | None] = lambda name: None,
+    packaged_weights: Callable[[str], Path | None] = lambda name: None,
 ) -> list[Diagnostic]:
     """Check that every input file of the configuration exists.
 
@@ -61,6 +68,7 @@ def check_paths(
         host: this machine's name in the file. Files of other machines' nodes are skipped.
         is_packaged: tells whether an installed plugin provides a simulation model of this name. None if no
             simulator is installed; an unknown name is then only a note.
+        packaged_weights: finds weights of this name that ship with an installed plugin.
     """
     context = Context(loaded, launch=launch)
     owners = {entry.owner_path: entry.node.host for entry in context.graph.entries}
@@ -70,7 +78,7 @@ def check_paths(
         config = context.config
         if path == "transport.tls" and config.transport.kind == transport_pb2.TRANSPORT_DDS:
             return False
-        if path.startswith("ai.training") and config.general.mode != pb.MODE_TRAINING:
+        if path.startswith("ai.training") and not _is_trained(config, path):
             return False
         if path == "simulation" and config.general.mode not in (pb.MODE_SIMULATION, pb.MODE_TRAINING):
             return False  # the simulator's settings report it, if it runs beside the mode
@@ -82,6 +90,8 @@ def check_paths(
             if facts.kind not in _PLACES or facts.repeated:
                 continue
             value = getattr(block.message, facts.name)
+            if facts.kind == rules.KIND_MODEL and packaged_weights(value) is not None:
+                continue
             if value and len(value) < 4096 and "\0" not in value:
                 found += _field(context, facts, block.field_path(facts.name), value, is_packaged)
     return [*found, *_data_sets(context)]
@@ -100,10 +110,10 @@ def _field(
     elif facts.kind == rules.KIND_SOURCE and facts.named_by(value)[0] == rules.NAMES_FILE:
         yield from _input_file(context, path, place, "video file")
     elif facts.kind == rules.KIND_MODEL and not _exists(place) and not _is_hub_id(context, path, value):
+        # Nothing about a policy can be checked without its weights, so this file is not valid here.
         message = f"The weights do not exist: looked for {place}"
-        # A model cannot be checked without its weights, so a file that names others is not valid here.
-        make = context.error if path.startswith("ai.models") else context.missing
-        yield make("weights-not-found", message, path)
+        remedy = _TRAIN_THEM if path.startswith("ai.training.eval_config") else ""
+        yield context.error("weights-not-found", message, path, remedy=remedy)
     elif facts.kind == rules.KIND_INTERPRETER and not (_is_file(place) and os.access(place, os.X_OK)):
         message = f"The Python interpreter of this node does not exist or cannot be run: looked for {place}"
         yield context.missing("interpreter-missing", message, path)
@@ -112,6 +122,15 @@ def _field(
         yield context.missing(
             "output-path-is-file", f"{value} is a file, but this must be a folder", path, remedy=remedy
         )
+
+
+def _is_trained(config: pb.Config, path: str) -> bool:
+    """Whether a training runs, and its method is the one whose parameters a block holds."""
+    if config.general.mode != pb.MODE_TRAINING:
+        return False
+    name = path.removeprefix("ai.training").removeprefix(".").partition(".")[0]
+    method = METHOD_BLOCKS.get(config.ai.training.method, name)
+    return name not in METHOD_BLOCKS.values() or name in (method, "plugin_config")
 
 
 def _packaged_model(context: Context, path: str, place: Path, packaged: bool | None) -> Iterator[Diagnostic]:
@@ -142,6 +161,9 @@ def _input_file(
         message = f"This user may not read the {label}"
         remedy = f"Change the permissions of {place}"
         yield context.missing("input-file-unreadable", message, path, remedy=remedy)
+    elif (pointer := describe_pointer(place)) is not None:
+        message, remedy = pointer
+        yield context.missing("input-file-is-pointer", message, path, remedy=remedy)
 
 
 def _private_key(context: Context, path: str, place: Path) -> Iterator[Diagnostic]:

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
-from itertools import islice
 
 from joshua.config.checks.context import Context
-from joshua.config.checks.device_table import block_of, fitting_blocks, frame_rate, messages_of, type_text
+from joshua.config.checks.device_table import (
+    block_of,
+    device_block,
+    fitting_blocks,
+    frame_rate,
+    messages_of,
+    motor_ids,
+    type_text,
+)
 from joshua.config.checks.identity import title
 from joshua.plan import Diagnostic
 from joshua.plan.graph import Endpoint
@@ -28,6 +36,7 @@ def check(context: Context) -> Iterator[Diagnostic]:
         yield from _types(context, group)
         yield from _publishers(context, publishers, group)
         yield from _external(context, publishers, group)
+        yield from _motor_orders(context, publishers, group)
     for item in context.graph.endpoints:
         yield from _device_types(context, item)
     yield from _silent_sensors(context)
@@ -101,6 +110,32 @@ def _external(context: Context, publishers: list[Endpoint], group: list[Endpoint
             yield context.note("field-unused", message, path, related=related)
 
 
+def _motor_orders(
+    context: Context, publishers: list[Endpoint], group: list[Endpoint]
+) -> Iterator[Diagnostic]:
+    """Find followers that list the motors of their leader in another order."""
+    leaders = {item.entry.path: item.entry for item in publishers if item.entry.leads}
+    followers = {item.entry.path: item.entry for item in group if item.is_command}
+    for leader, follower in itertools.product(leaders.values(), followers.values()):
+        _, leader_block, _ = device_block(leader.owner)
+        name, follower_block, _ = device_block(follower.owner)
+        leader_ids = motor_ids(leader_block) or []
+        follower_ids = motor_ids(follower_block) or []
+        if leader_ids == follower_ids or sorted(leader_ids) != sorted(follower_ids):
+            continue
+        yield context.note(
+            "motor-order-differs",
+            f"{title(follower)} lists the motors of {title(leader)} in another order. Joints of one name "
+            "follow each other, others by their place in the list; messages and recordings of the two arms "
+            "have different orders",
+            f"{follower.owner_path}.{name}.motor_ids",
+            found=str(follower_ids),
+            allowed=(str(leader_ids),),
+            remedy=f"Write motor_ids: {leader_ids}, unless the motors of the two arms have different places",
+            related=context.see(f"{leader.owner_path}.{block_of(leader.owner)[0]}.motor_ids", title(leader)),
+        )
+
+
 def _two_publishers(
     context: Context, first: Endpoint, item: Endpoint, commanded: Endpoint | None, *, overriding: bool
 ) -> Diagnostic:
@@ -155,7 +190,9 @@ def unpublished(context: Context, item: Endpoint) -> Iterator[Diagnostic]:
     number = item.block.data_type
     # The node's own topics do not help. The number of suggestions is limited.
     own = {endpoint.topic for endpoint in context.graph.of_entry(item.entry)}
-    others = [name for name in islice(context.graph.published_by_nodes, _MOST_NAMES) if name not in own]
+    others = [
+        name for name in itertools.islice(context.graph.published_by_nodes, _MOST_NAMES) if name not in own
+    ]
     similar = nearest(item.topic, others)
     same_type = [name for name in others if number and context.graph.published_by_nodes[name] == number]
     outside = "set external: true if a node outside this file publishes it"

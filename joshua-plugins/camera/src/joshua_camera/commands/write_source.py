@@ -12,10 +12,8 @@ from joshua.tools import (
     EditError,
     ExitCode,
     edited_texts,
-    load,
-    load_registry,
+    load_readable,
     nearest_first,
-    render_text,
     replace_texts,
     show_change,
     wanted_nodes,
@@ -32,14 +30,6 @@ if TYPE_CHECKING:
 
 #: Fields of a ``camera_config`` that a new field may follow.
 FIELDS = ("device_id", "width", "height", "fps")
-
-
-class Refused(Exception):
-    """Nothing was written. The message says why. ``code`` is the exit code."""
-
-    def __init__(self, message: str, code: ExitCode = ExitCode.INVALID) -> None:
-        super().__init__(message)
-        self.code = code
 
 
 @dataclass(frozen=True)
@@ -60,9 +50,9 @@ def write(arguments: argparse.Namespace, cameras: Sequence[FoundCamera], root: s
     """
     try:
         changed = _write(arguments, cameras, root)
-    except (Refused, EditError) as error:
+    except EditError as error:
         sys.stderr.write(f"joshua find-cameras: {error}\nnothing was written\n")
-        return error.code if isinstance(error, Refused) else ExitCode.INVALID
+        return error.code
     if not changed:
         sys.stdout.write(f"{arguments.write_to}: already names its cameras, so there is nothing to write\n")
     return ExitCode.OK
@@ -82,7 +72,7 @@ def camera_nodes(loaded: LoadedConfig, root: str = "/") -> Iterator[CameraNode]:
 
 
 def _write(arguments: argparse.Namespace, cameras: Sequence[FoundCamera], root: str) -> bool:
-    loaded = _load(arguments.write_to)
+    loaded = load_readable(arguments.write_to)
     nodes = _chosen(list(camera_nodes(loaded, root)), arguments)
     values = _names(nodes, cameras, arguments)
     texts = edited_texts(loaded, values, FIELDS)
@@ -94,35 +84,26 @@ def _write(arguments: argparse.Namespace, cameras: Sequence[FoundCamera], root: 
     return bool(texts)
 
 
-def _load(path: str) -> LoadedConfig:
-    loaded = load(path, message_types=load_registry().message_modules())
-    if loaded.diagnostics:
-        raise Refused(
-            f"{path} cannot be read:\n" + render_text(loaded.diagnostics, loaded.sources, color=False)
-        )
-    return loaded
-
-
 def _chosen(nodes: Sequence[CameraNode], arguments: argparse.Namespace) -> Sequence[CameraNode]:
-    """Return the nodes to write. Raises Refused."""
+    """Return the nodes to write. Raises EditError."""
     names = [node.name for node in nodes]
     if not nodes:
-        raise Refused(f"{arguments.write_to} has no node with a camera of this machine")
+        raise EditError(f"{arguments.write_to} has no node with a camera of this machine")
     if arguments.camera and not arguments.node:
-        raise Refused(f"--camera chooses the camera of one node: add --node with one of {', '.join(names)}")
+        raise EditError(f"--camera chooses the camera of one node: add --node with one of {', '.join(names)}")
     if not arguments.node:
         return nodes
     nodes = [node for node in nodes if node.name == arguments.node]
     if not nodes:
         near = ", ".join(nearest_first(arguments.node, names))
-        raise Refused(f"{arguments.write_to} has no camera node {arguments.node}. Its camera nodes: {near}")
+        raise EditError(f"{arguments.write_to} has no camera node {arguments.node}. Its camera nodes: {near}")
     return nodes
 
 
 def _names(
     nodes: Sequence[CameraNode], cameras: Sequence[FoundCamera], arguments: argparse.Namespace
 ) -> dict[str, dict[str, str]]:
-    """Return the sources to write by the path of the block. Raises Refused, naming every problem."""
+    """Return the sources to write by the path of the block. Raises EditError, naming every problem."""
     values: dict[str, dict[str, str]] = {}
     owners: dict[str, str] = {}
     problems: list[str] = []
@@ -147,16 +128,13 @@ def _names(
             if node.source != camera.source:
                 values[node.block_path] = {"source": camera.source}
     if problems:
-        raise Refused("\n".join(problems), ExitCode.INVALID if cameras else ExitCode.HARDWARE)
+        raise EditError("\n".join(problems), ExitCode.INVALID if cameras else ExitCode.HARDWARE)
     return values
 
 
 def _verify(path: str, values: dict[str, dict[str, str]]) -> None:
     """Read the file back. Raises EditError if a source is another one."""
-    try:
-        found = {node.block_path: node.source for node in camera_nodes(_load(path))}
-    except Refused as error:
-        raise EditError(str(error)) from error
+    found = {node.block_path: node.source for node in camera_nodes(load_readable(path))}
     for block_path, fields in values.items():
         if found.get(block_path) != fields["source"]:
             raise EditError(f"{block_path}.source did not become {fields['source']!r}")

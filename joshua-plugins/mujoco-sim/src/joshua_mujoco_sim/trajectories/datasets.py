@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from joshua.api.files import UnsafePathError, file_inside
 from joshua.features import Feature, FeatureSet, Unit
 from joshua.tools import parse_json
 
@@ -45,7 +46,7 @@ def read_lerobot(folder: Path, episodes: Sequence[int], budget: Budget) -> list[
         TrajectoryError: the data set is damaged, or has no such episode.
     """
     try:
-        info = parse_json((folder / "meta" / "info.json").read_text(encoding="utf-8"))
+        info = parse_json(file_inside(folder, "meta/info.json").read_text(encoding="utf-8"))
         features = FeatureSet.from_lerobot(info["features"])
         feature = next(features[name] for name in VECTOR_COLUMNS if name in features)
         unit = Unit(feature.unit).value if feature.unit else ""
@@ -57,12 +58,21 @@ def read_lerobot(folder: Path, episodes: Sequence[int], budget: Budget) -> list[
         ) from None
     if unit == Unit.LEROBOT.value:  # the names imply it, too; the values may be degrees
         unit = ""
-    files = [file for file in sorted((folder / "data").glob("chunk-*/*")) if file.suffix in _EPISODE_FILES]
+    files = _episode_files(folder)
     if files and files[0].suffix != ".parquet":
         found = _from_text(folder, files, episodes, feature.names, budget)
     else:
         found = _from_parquet(folder, files, episodes, feature, budget)
     return [replace(trajectory, unit=unit) for trajectory in found]
+
+
+def _episode_files(folder: Path) -> list[Path]:
+    """List the files with episodes. Raises TrajectoryError for a link that leads out of the data set."""
+    found = sorted((folder / "data").glob("chunk-*/*"))
+    try:
+        return [file_inside(folder, file) for file in found if file.suffix in _EPISODE_FILES]
+    except UnsafePathError as error:
+        raise TrajectoryError(str(error)) from error
 
 
 def _from_text(

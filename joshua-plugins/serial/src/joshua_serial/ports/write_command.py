@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from joshua.tools import EditError, ExitCode, edited_texts, replace_texts, show_change
+from joshua.tools import EditError, ExitCode, edited_texts, load_readable, replace_texts, show_change
 
 from joshua_serial.ports.identity import Ambiguous, NodePort, adapter_of, lasting_name
 from joshua_serial.usb_ports import PortEntry, list_ports
@@ -23,19 +23,11 @@ if TYPE_CHECKING:
 FIELDS = ("port", "serial_number", "vid_pid", "baudrate")
 
 
-class Refused(Exception):
-    """Nothing was written. The message says why. ``code`` is the exit code."""
-
-    def __init__(self, message: str, code: ExitCode = ExitCode.INVALID) -> None:
-        super().__init__(message)
-        self.code = code
-
-
 def write(arguments: argparse.Namespace, named: Sequence[PortEntry], device_root: str) -> int:
     """Write the identities and show the change. Exit code 0; 2 or 4 if nothing was written."""
     try:
         changed = _write(arguments, named, device_root)
-    except Refused as error:
+    except EditError as error:
         sys.stderr.write(f"joshua find-port: {error}\nnothing was written\n")
         return error.code
     if not changed:
@@ -61,41 +53,27 @@ def node_ports(loaded: LoadedConfig) -> Iterator[NodePort]:
 
 
 def _write(arguments: argparse.Namespace, named: Sequence[PortEntry], device_root: str) -> bool:
-    loaded = _load(arguments.write_to)
+    loaded = load_readable(arguments.write_to)
     nodes = _chosen_nodes(list(node_ports(loaded)), arguments)
     chosen = named[0] if arguments.ports else None
     ports = list_ports(device_root)
     values, problems = _identities(nodes, ports, chosen, device_root, is_named=bool(arguments.node))
     if problems:
-        raise Refused("\n".join(problems), ExitCode.INVALID if ports else ExitCode.HARDWARE)
-    try:
-        texts = edited_texts(loaded, values, FIELDS)
-        for name, text in texts.items():
-            show_change(name, loaded.sources[name], text)
-        if texts and not arguments.show_only:
-            replace_texts(texts, lambda: _check(loaded.path, values))
-    except EditError as error:
-        raise Refused(str(error)) from error
+        raise EditError("\n".join(problems), ExitCode.INVALID if ports else ExitCode.HARDWARE)
+    texts = edited_texts(loaded, values, FIELDS)
+    for name, text in texts.items():
+        show_change(name, loaded.sources[name], text)
+    if texts and not arguments.show_only:
+        replace_texts(texts, lambda: _check(loaded.path, values))
     if not arguments.show_only:
         sys.stdout.write("".join(f"{name}: written\n" for name in texts))
     return bool(texts)
 
 
-def _load(path: str) -> LoadedConfig:
-    from joshua.tools import load, load_registry, render_text
-
-    loaded = load(path, message_types=load_registry().message_modules())
-    if loaded.diagnostics:
-        raise Refused(
-            f"{path} cannot be read:\n" + render_text(loaded.diagnostics, loaded.sources, color=False)
-        )
-    return loaded
-
-
 def _chosen_nodes(nodes: Sequence[NodePort], arguments: argparse.Namespace) -> Sequence[NodePort]:
     names = [node.node for node in nodes]
     if not nodes:
-        raise Refused(
+        raise EditError(
             f"{arguments.write_to}: no node has comm {{ serial {{ … }} }}, so there is nothing to write"
         )
     if arguments.node:
@@ -103,12 +81,12 @@ def _chosen_nodes(nodes: Sequence[NodePort], arguments: argparse.Namespace) -> S
         if not nodes:
             near = difflib.get_close_matches(arguments.node, names, n=1)
             hint = f"; nearest: {near[0]}" if near else ""
-            raise Refused(
+            raise EditError(
                 f"{arguments.write_to} has no node {arguments.node} with a serial link{hint}. "
                 f"Nodes with one: {', '.join(names)}"
             )
     if len(arguments.ports) > 1 or (arguments.ports and len(nodes) > 1):
-        raise Refused(
+        raise EditError(
             "several nodes or ports match: give one --port with one --node; nodes with a serial link: "
             f"{', '.join(names)}"
         )
@@ -149,10 +127,7 @@ def _identities(
 
 def _check(path: str, values: dict[str, dict[str, str]]) -> None:
     """Read the file back. Raises EditError if a value is another one."""
-    try:
-        found = {node.path: node for node in node_ports(_load(path))}
-    except Refused as error:
-        raise EditError(str(error)) from error
+    found = {node.path: node for node in node_ports(load_readable(path))}
     for serial_path, fields in values.items():
         for name, value in fields.items():
             if getattr(found.get(serial_path), name, None) != value:

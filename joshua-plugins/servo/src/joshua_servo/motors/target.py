@@ -126,11 +126,12 @@ def _from_file(arguments: argparse.Namespace, families: Mapping[str, type[BusToo
 
 
 def _buses(path: str, families: Mapping[str, type[BusTools]]) -> list[Wanted]:
-    from joshua.tools import load, load_registry, render_text, wanted_nodes
+    from joshua.tools import EditError, load_readable, wanted_nodes
 
-    loaded = load(path, message_types=load_registry().message_modules())
-    if loaded.diagnostics:
-        raise TargetRefused(render_text(loaded.diagnostics, loaded.sources, color=False).rstrip())
+    try:
+        loaded = load_readable(path)
+    except EditError as error:
+        raise TargetRefused(str(error)) from error
     found = wanted_nodes(loaded.graph, devices=True, models=False)
     return [want for want in found if want.block_name in families]
 
