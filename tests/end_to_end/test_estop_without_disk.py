@@ -138,6 +138,46 @@ def test_a_folder_that_has_vanished(disk: SmallDisk, joshua_domain_id: int, lost
         rig.process.wait(60)
 
 
+@pytest.mark.parametrize("lost", ["joshua", "."])
+def test_a_folder_that_has_vanished_and_a_supervisor_that_cannot_make_it_again(
+    disk: SmallDisk, joshua_domain_id: int, lost: str
+) -> None:
+    with running(disk.path, joshua_domain_id, HOLD) as rig:
+        os.kill(rig.process.pid, signal.SIGSTOP)
+        shutil.rmtree(disk.path / "run" / lost)
+        said = estop(rig, 4)
+        assert "it counts for every actuator" in said["latch"]
+        guarded = said[f"of process {rig.guardian}"]
+        assert "its guardian has ended, as it does when the torque is off" in guarded
+        os.kill(rig.process.pid, signal.SIGCONT)
+        assert rig.joshua("estop", "--release").returncode == 0
+        rig.wait(lambda: rig.joshua("resume", "follower_arm").returncode == 0)
+
+
+def test_what_a_guardian_did_is_kept_on_a_full_disk_without_a_supervisor(
+    disk: SmallDisk, joshua_domain_id: int
+) -> None:
+    with running(disk.path, joshua_domain_id, HOLD) as rig:
+        os.kill(rig.process.pid, signal.SIGSTOP)  # it writes nothing more
+        disk.fill()
+        (log,) = (disk.path / "log").glob("*.jsonl")
+        with log.open("ab") as file:  # the last page of the log has room without any space on the disk
+            file.write(b"\n" * (-log.stat().st_size % os.sysconf("SC_PAGE_SIZE")))
+        size = log.stat().st_size
+        os.kill(rig.driver, signal.SIGKILL)
+        rig.wait(lambda: rig.gone(rig.guardian))
+        rig.process.kill()
+        rig.process.wait()
+        assert log.stat().st_size == size
+        assert rig.energised() == {True}
+        said = rig.joshua("status").stdout
+        assert (
+            "/follower_arm holds its position with torque (guardian: the driver ended without a safe" in said
+        )
+        assert " held" in said
+        assert estop(rig)["/follower_arm"] == "off     read back from 6 joints by this command"
+
+
 def everything_stops(rig: Rig, guardians: Sequence[int] = ()) -> None:
     """Stops every process of the run that could act on the follower."""
     for process in (rig.process.pid, rig.fork_server, rig.driver, *(guardians or [rig.guardian])):

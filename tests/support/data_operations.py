@@ -7,6 +7,7 @@ see ``killed_steps``.
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import sys
 import time
@@ -17,6 +18,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NoReturn
 
+from damaged_recording import damage, digests
 from joshua_dataset import mp4
 from joshua_dataset.bag import messages
 from joshua_dataset.changes import is_interrupted
@@ -327,11 +329,39 @@ class Stats(Operation):
         assert content(place / "set") == expected(*LENGTHS)
 
 
+class Mend(Operation):
+    """Mends a data set in which a table, a video and the statistics are damaged."""
+
+    def base(self, place: Path) -> None:
+        write(place / "set")
+        damage(place / "set")
+        # in a file, because another process looks at it
+        (place / "before.json").write_text(json.dumps(digests(place / "set")))
+
+    def prepare(self, place: Path) -> Callable[[], object]:
+        return lambda: repair(place / "set")
+
+    def between(self, place: Path) -> None:
+        for name in FOREIGN:
+            assert (place / "set" / name).read_text() == "of a user", name
+        before = json.loads((place / "before.json").read_text())
+        assert set(before.values()) <= set(digests(place / "set").values()), "a damaged file is lost"
+
+    def again(self, place: Path) -> None:
+        assert repair(place / "set").is_complete
+
+    def look(self, place: Path) -> None:
+        self.between(place)
+        assert content(place / "set") == [*expected(3), ([0.5], 1)]
+        assert repair(place / "set").is_complete
+
+
 OPERATIONS: dict[str, Callable[[], Operation]] = {
     "keep": Keep,
     "repair a video": Repair,
     "repair picture files": RepairFiles,
     "repair messages": RepairMessages,
+    "mend": Mend,
     "delete": Delete,
     "convert": Make,
     "split": Split,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
-from joshua.plan.lfs import describe_pointer, is_lfs_pointer
+from joshua.plan.lfs import describe_pointer, describe_pointers, is_lfs_pointer
 
 POINTER = (
     "version https://git-lfs.github.com/spec/v1\n"
@@ -44,3 +44,23 @@ def test_other_files_are_none(tmp_path: Path):
         assert not is_lfs_pointer(tmp_path / name)
     assert not is_lfs_pointer(tmp_path / "missing")
     assert not is_lfs_pointer(tmp_path)
+
+
+def test_several_pointers_of_a_folder_have_one_remedy(tmp_path: Path):
+    subprocess.run(["git", "init", "-q", str(tmp_path)], check=True)
+    folder = tmp_path / "robots" / "arm"
+    folder.mkdir(parents=True)
+    paths = [folder / "base.stl", folder / "link.stl", folder / "read.me"]
+    for path in paths[:2]:
+        path.write_text(POINTER)
+    paths[2].write_text("of a user")
+    described = describe_pointers(folder, paths)
+    assert described is not None
+    message, remedy = described
+    assert message.startswith(f"2 files of {folder} are Git LFS pointers, {paths[0]} first")
+    assert remedy == f"Run git -C {tmp_path} lfs pull --include robots/arm"
+    described = describe_pointers(tmp_path, paths)
+    assert described is not None
+    assert described[1] == f"Run git -C {tmp_path} lfs pull"
+    assert describe_pointers(folder, paths[:1]) == describe_pointer(paths[0])
+    assert describe_pointers(folder, paths[2:]) is None

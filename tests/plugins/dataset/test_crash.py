@@ -76,7 +76,7 @@ def test_kill_at_any_moment(tmp_path: Path, seed: int) -> None:
     assert recovered >= count - FPS, f"{count} frames were recorded and {recovered} recovered"
     after = files(folder)
     if found:
-        assert "is complete" in repair(folder)
+        assert "is complete" in str(repair(folder))
         assert files(folder) == after
 
 
@@ -87,7 +87,9 @@ def files(folder: Path) -> list[Path]:
 def test_cut_discards_the_unfinished_episode(tmp_path: Path) -> None:
     episodes, _ = run_and_kill(tmp_path, 60, 25)
     assert episodes == 2
-    assert repair(tmp_path, cut=True) == "the unfinished episode 2 is discarded; 2 episodes are complete"
+    said, looked = repair(tmp_path, cut=True).lines
+    assert said == "the unfinished episode 2 is discarded; 2 episodes stay"
+    assert looked.startswith(f"{tmp_path} is complete: 2 episodes. ")
     assert lengths(tmp_path) == [25, 25]
     assert not open_folder(tmp_path).exists()
 
@@ -107,12 +109,12 @@ def test_an_episode_with_a_torn_journal_is_moved_aside(tmp_path: Path) -> None:
     run_and_kill(tmp_path, 40, 25)
     (open_folder(tmp_path) / "episode.json").write_text('{"episode_ind')
     before = {path.name: path.read_bytes() for path in open_folder(tmp_path).iterdir()}
-    said = repair(tmp_path)
+    said = repair(tmp_path).lines[0]
     assert "cannot be completed: it has no valid journal. Its files were moved to " in said
     aside = Path(said.rpartition(" ")[2])
     assert {path.name: path.read_bytes() for path in aside.iterdir()} == before
     assert lengths(tmp_path) == [25]
-    assert "is complete: 1 episodes" in repair(tmp_path)
+    assert "is complete: 1 episodes" in str(repair(tmp_path))
 
 
 def end_twice(writer: LeRobotWriter, count: int) -> None:
@@ -234,4 +236,4 @@ def test_kill_between_the_steps_of_a_commit(tmp_path: Path, after: int) -> None:
     assert found[1:] in ([4], [4, 4])
     assert Dataset.read(tmp_path / "set").statistics()["action"]["count"].tolist() == [sum(found)]
     assert not list((tmp_path / "set").rglob("*.new"))
-    assert "is complete" in repairing.repair(tmp_path / "set")
+    assert "is complete" in str(repairing.repair(tmp_path / "set"))

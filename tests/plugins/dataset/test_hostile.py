@@ -117,7 +117,7 @@ def _append(folder: Path) -> None:
 
 
 def _check(folder: Path) -> None:
-    problems = list(check(folder, workers=1))
+    problems = [problem for problem in check(folder, workers=1) if problem.serious]
     if problems:
         raise DatasetError(f"{folder}: {'; '.join(map(str, problems))}")
 
@@ -163,7 +163,7 @@ def refusals(place: Place, edit: Edit, names: Iterable[str] = tuple(OPERATIONS))
             place.renew(edit)
     place.check()
     for text in found.values():
-        assert text.isprintable(), text
+        assert all(line.isprintable() for line in text.split("\n")), text
         assert str(place.folder.parent) in text
     return found
 

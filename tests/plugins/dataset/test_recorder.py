@@ -195,5 +195,5 @@ def test_an_episode_that_no_disk_takes_is_left_for_a_repair(
         )
         cell.context.stop()
         cell.recorder.cleanup()
-    assert f"episode 0 is completed with {frames} frames" in repair(folder)
+    assert f"episode 0 is completed with {frames} frames" in str(repair(folder))
     assert Dataset.read(folder).frames == frames

@@ -18,8 +18,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from joshua.features import EpisodeError
-from joshua_dataset import reader
+from joshua_dataset import meta_files, reader
 from joshua_dataset.checking import check
+from joshua_dataset.commands.dataset import description
 from joshua_dataset.metadata import INFO, STATS
 from joshua_dataset.pictures import encoded
 from joshua_dataset.reader import Dataset, DatasetError
@@ -174,7 +175,7 @@ def test_a_table_that_is_larger_than_any_recording_is_refused(
 
 
 def test_a_line_without_an_end_is_refused(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reader, "LARGEST_LINE", 1 << 20)
+    monkeypatch.setattr(meta_files, "LARGEST_LINE", 1 << 20)
     (copy / "meta/tasks.jsonl").write_text('{"task": "' + "a" * (2 << 20))
     rewritten(copy, INFO, lambda info: info | {"codebase_version": "v2.1"})
     with pytest.raises(DatasetError, match=r"tasks\.jsonl has a line above 1 MB"):
@@ -245,3 +246,25 @@ def test_odd_columns_in_tables_are_said(copy: Path, tmp_path: Path, seed: int) -
     changed = table.drop_columns([name]) if chance.random() < 0.2 else table.set_column(at, name, odd)
     pq.write_table(changed.replace_schema_metadata(None), path)
     use_everything(copy, tmp_path / "target")
+
+
+POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"
+
+
+@pytest.mark.parametrize("name", [f"videos/{TOP}/chunk-000/file-000.mp4", str(TABLE), str(STATS)])
+def test_git_lfs_pointers_are_named(copy: Path, tmp_path: Path, name: str) -> None:
+    (copy / name).write_text(POINTER)
+    expected = (
+        f"{copy / name} is a Git LFS pointer: the repository was cloned without its large files. Run git"
+    )
+    assert any(expected in str(problem) for problem in check(copy, workers=1))
+    assert expected in description(copy)
+    if name != str(STATS):
+        with pytest.raises((DatasetError, EpisodeError), match=r"is a Git LFS pointer"):
+            build([Source(copy)], tmp_path / "target", workers=1)
+
+
+def test_deep_json_is_said(copy: Path) -> None:
+    (copy / STATS).write_text("[" * 20_000 + "]" * 20_000)
+    with pytest.raises(DatasetError, match="it is nested more than 100 levels deep"):
+        Dataset.read(copy).statistics()

@@ -261,7 +261,7 @@ def test_transfers_wait_for_an_interrupted_change(act: Any, tmp_path: Path) -> N
     words = (folder, store_of(there)) if act is upload else (store_of(there), folder)
     with pytest.raises(RemoteError, match=f"was interrupted. Run `joshua dataset repair {folder}` first"):
         act(*words, Tally())
-    assert "an interrupted change is completed" in repair(folder)
+    assert "an interrupted change is completed" in str(repair(folder))
     act(*words, Tally())
 
 
@@ -277,7 +277,7 @@ def test_a_journal_that_leads_out_of_the_data_set_is_moved_aside(tmp_path: Path)
     ):
         repair(folder)
     assert (tmp_path / "thesis.txt").read_text() == "precious"
-    assert "is complete: 2 episodes" in repair(folder)
+    assert "is complete: 2 episodes" in str(repair(folder))
 
 
 def test_a_power_cut_costs_two_seconds_at_most() -> None:

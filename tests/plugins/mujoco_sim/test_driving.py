@@ -159,14 +159,22 @@ def test_a_released_motor_lets_its_joint_fall() -> None:
 def test_gains_of_the_file_replace_those_of_the_inertia() -> None:
     physics = arm(each('<motor joint="JOINT"/>'))
     group = physics.group(("elbow", "waist"))
-    group.set_gains(1, Gains(position=2.0, velocity=0.0))
+    group.set_gains(1, Gains(position=0.2, velocity=0.0))
     group.set_command(np.array([0.0, 1.0]))
     inertia = np.zeros(physics.model.nv)
     mujoco.mj_mulM(physics.model, physics.data, inertia, np.array([1.0, 0.0, 0.0]))
-    period_s = 2 * np.pi * np.sqrt(inertia[0] / 2.0)
+    period_s = 2 * np.pi * np.sqrt(inertia[0] / 0.2)
     physics.step(round(period_s / 2 / physics.timestep_s))
     assert group.position_rad[1] == pytest.approx(2.0, abs=0.1)  # undamped, it swings to the other side
     assert group.position_rad[0] == pytest.approx(0.0, abs=0.02)
+
+
+def test_gains_that_are_large_for_the_time_step_are_stable() -> None:
+    physics = arm(each('<motor joint="JOINT"/>'))
+    group = physics.group(())
+    for place in range(3):
+        group.set_gains(place, Gains(position=500.0, velocity=40.0))
+    assert largest_miss(physics) < 0.02
 
 
 def test_goals_of_a_loop_end_with_a_reset() -> None:

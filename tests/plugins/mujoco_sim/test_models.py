@@ -328,3 +328,26 @@ def test_variants_for_accelerators_solve_well_and_touch_little(name: str) -> Non
             assert (geom.contype[0], geom.conaffinity[0]) == (8, 0), geom.name
     met = [model.geom(index).name for index in range(model.ngeom) if model.geom_conaffinity[index] & 8]
     assert set(met) <= {"cube"}
+
+
+def test_meshes_that_are_git_lfs_pointers_are_named(tmp_path):
+    pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"
+    (tmp_path / "assets").mkdir()
+    (tmp_path / "assets" / "link.stl").write_text(pointer)
+    body = '<worldbody><body><joint name="pan"/><geom type="mesh" mesh="link"/></body></worldbody>'
+    (tmp_path / "arm.xml").write_text(
+        '<mujoco><compiler meshdir="assets"/>'
+        f'<asset><mesh name="link" file="link.stl"/></asset>{body}</mujoco>'
+    )
+    with pytest.raises(ModelError, match=r"link\.stl is a Git LFS pointer: .* Run git lfs install, then"):
+        load_model(str(tmp_path / "arm.xml"))
+    urdf = (
+        '<robot name="arm"><link name="base"/><link name="link"><inertial><mass value="1"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry>'
+        '<mesh filename="assets/link.stl"/></geometry></collision></link><joint name="pan" type="revolute">'
+        '<parent link="base"/><child link="link"/><limit lower="-1" upper="1" effort="1" velocity="1"/>'
+        "</joint></robot>"
+    )
+    (tmp_path / "arm.urdf").write_text(urdf)
+    with pytest.raises(ModelError, match=r"arm\.urdf cannot be compiled: .*link\.stl is a Git LFS pointer"):
+        load_model(str(tmp_path / "arm.urdf"))

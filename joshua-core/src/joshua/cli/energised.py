@@ -36,16 +36,22 @@ class LeftEnergised:
         on: joints that have torque, as read; () if it was not read.
         joints: number of joints that were read, 0 if it was not read.
         problem: why it was not read.
+        kept: what its guardian did and could not log; "" for nothing.
     """
 
     record: EnergisedRecord
     on: tuple[str, ...] = ()
     joints: int = 0
     problem: str = ""
+    kept: str = ""
 
     @property
     def state(self) -> str:
         """What is known, for a person."""
+        return f"{self._torque} ({self.kept})" if self.kept else self._torque
+
+    @property
+    def _torque(self) -> str:
         record = self.record
         if not self.joints:
             return (
@@ -87,20 +93,30 @@ def left_energised(
     for folder, record in recorded(bases):
         if not concerns(record):
             continue
+        kept = _kept(folder, record)
         if is_starting:  # it may open the device at any moment, and would find it in use
-            found.append(LeftEnergised(record, problem="a run is starting or does not answer"))
+            found.append(LeftEnergised(record, problem="a run is starting or does not answer", kept=kept))
             continue
         try:
             torque = _read(record, timeout_s)
         except Exception as error:  # noqa: BLE001 (a plugin's code; the command must report)
-            found.append(LeftEnergised(record, problem=str(error) or type(error).__name__))
+            found.append(LeftEnergised(record, problem=str(error) or type(error).__name__, kept=kept))
             continue
         on = tuple(joint for joint, has_torque in torque.items() if has_torque)
         if on:
-            found.append(LeftEnergised(record, on, len(torque)))
+            found.append(LeftEnergised(record, on, len(torque), kept=kept))
         else:
             _forget(folder, record)
     return found
+
+
+def _kept(folder: EnergisedFolder, record: EnergisedRecord) -> str:
+    """What a guardian did and could not log, because the disk was full and no supervisor answered."""
+    from joshua.guardian.latch import FOLDER_NAME, NO_LATCH, EstopFiles
+
+    run = folder.path.parent / "runs" / record.run
+    report = EstopFiles(str(run / FOLDER_NAME)).read_report(record.node, NO_LATCH)
+    return report.detail if report is not None else ""
 
 
 def _run_is_starting(bases: Sequence[Path]) -> bool:

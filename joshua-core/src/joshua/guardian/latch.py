@@ -118,6 +118,13 @@ class LatchFolder:
                 self.clear(item)
         return latch
 
+    def set_for_all(self) -> Latch:
+        """Latches every actuator that looks for latches here. Raises OSError."""
+        identifier = new_latch("", "", -1, ()).identifier
+        self.path.mkdir(mode=0o700, exist_ok=True)
+        write_whole(self._file(identifier), b"")
+        return _read(self._file(identifier))
+
     def set_without_space(self, latch: Latch) -> Latch:
         """Latches actuators by renaming a file, which works on a full file system.
 
@@ -248,12 +255,16 @@ def _overwrite(path: Path, data: bytes) -> None:
         os.close(descriptor)
 
 
+#: In place of the identifier of an e-stop: what a guardian did without one, and could not log.
+NO_LATCH = "none"
+
+
 @dataclass(frozen=True)
 class EstopReport:
     """Effect of an e-stop at one actuator.
 
     Attributes:
-        latch: identifier of the e-stop.
+        latch: identifier of the e-stop, or ``NO_LATCH``.
         by: ``driver``, ``guardian`` or ``command``.
         complete: whether the torque is off as far as known.
         verified: whether the device confirmed it; joints: state of each.

@@ -20,7 +20,7 @@ from typing import Any
 from joshua.guardian.action import Action, ActionEndedError, ActionProcess
 from joshua.guardian.drop_order import DropOrder
 from joshua.guardian.energised import remove_record
-from joshua.guardian.latch import EstopFiles, EstopReport, Latch, LatchFolder, Subject
+from joshua.guardian.latch import NO_LATCH, EstopFiles, EstopReport, Latch, LatchFolder, Subject
 from joshua.guardian.order import (
     ARMED,
     BEAT,
@@ -186,8 +186,21 @@ class SafetyOrder:
                 "stream": "guardian",
                 "report": report,
             }
-            with contextlib.suppress(OSError), open(order.log, "ab", buffering=0) as log:  # noqa: PTH123
-                log.write(json.dumps(entry).encode() + b"\n")
+            if _append(order.log, json.dumps(entry).encode() + b"\n"):
+                return
+        if self.latch() is None:  # else the report of the e-stop is there, which a command waits for
+            complete = bool(report.get("complete"))
+            kept = EstopReport(NO_LATCH, order.node, "guardian", complete, complete, {}, text)
+            EstopFiles(order.estop_files).report(kept)  # its file was made before the torque was enabled
+
+
+def _append(path: str, line: bytes) -> bool:
+    """Append a line to a file as a whole, and return whether that was possible."""
+    try:
+        with open(path, "ab", buffering=0) as file:  # noqa: PTH123
+            return file.write(line) == len(line)
+    except OSError:
+        return False
 
 
 class Guardian:

@@ -35,6 +35,7 @@ from joshua.plugins import load_registry as load_registry
 from joshua.plan.installing import install as install
 from joshua.plan.json_text import parse_json as parse_json
 from joshua.plan.lfs import describe_pointer as describe_pointer
+from joshua.plan.lfs import describe_pointers as describe_pointers
 from joshua.textproto.nearest import nearest_first as nearest_first
 
 # A running system

@@ -14,14 +14,13 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.csv as pa_csv
-import pyarrow.parquet as pq
 from joshua.api.files import file_inside, free_name, inside, name_inside, tree_inside
 from joshua.features import EpisodeError
 from joshua.tools import parse_json
@@ -30,6 +29,7 @@ from joshua_dataset.files import Files, aside_folder, cause, remedy_first
 from joshua_dataset.lock import PRIVATE, WriterLock
 from joshua_dataset.metadata import INFO, is_own
 from joshua_dataset.open_episode import open_folder
+from joshua_dataset.output import write_json, write_lines, write_table
 
 JOURNAL = "journal.json"
 
@@ -99,15 +99,11 @@ class Change:
         Raises:
             OSError, pyarrow.ArrowException: writing fails.
         """
-        fresh = self._fresh(path)
-        if path.suffix == ".csv":
-            pa_csv.write_csv(table, fresh)
-        elif path.suffix == ".jsonl":
-            with fresh.open("w", encoding="utf-8") as file:
-                for batch in table.to_batches(max_chunksize=1000):
-                    file.writelines(json.dumps(row) + "\n" for row in batch.to_pylist())
-        else:
-            pq.write_table(table, fresh, compression="snappy")
+        write_table(self._fresh(path), table)
+
+    def lines(self, path: Path, records: Iterable[Mapping[str, Any]]) -> None:
+        """Write a line of JSON for each record. Raises OSError; ValueError for a number that JSON has not."""
+        write_lines(self._fresh(path), records)
 
     def json(self, path: Path, value: Any, *, last: bool = False) -> None:
         """Write a value as JSON.
@@ -116,9 +112,9 @@ class Change:
             last: the file is moved into place when all others are there.
 
         Raises:
-            OSError: writing fails.
+            OSError: writing fails. ValueError: JSON has no such number.
         """
-        self._fresh(path, last=last).write_text(json.dumps(value, indent=4) + "\n", encoding="utf-8")
+        write_json(self._fresh(path, last=last), value)
 
     def put(self, source: Path, path: Path, *, last: bool = False) -> None:
         """Move a complete file or folder of the private folder into place; an older one is replaced."""
@@ -133,17 +129,38 @@ class Change:
         """Folder in which a whole data set can be made, for ``put_made``."""
         return self.place / "made"
 
-    def put_made(self) -> None:
-        """Move the data set in ``made`` into place."""
+    def put_made(self, *, without: Collection[str] = ()) -> None:
+        """Move the data set in ``made`` into place.
+
+        Args:
+            without: files that are in place already, by their path in the data set.
+        """
         for path in own_files(self.made):
             name = path.relative_to(self.made)
-            self.put(path, self._folder / name, last=name == INFO)
+            if name.as_posix() not in without:
+                self.put(path, self._folder / name, last=name == INFO)
 
-    def retire_all(self) -> None:
-        """Remove the data set, and no file of others in its folder, before files are put into place."""
-        paths = own_files(self._folder)
-        for path in sorted(paths, key=lambda path: path != self._folder / INFO):  # it counts the others
-            self.retire(path)
+    def clear_made(self) -> None:
+        """Remove the data set in ``made``, which is not put into place."""
+        shutil.rmtree(self.made)
+
+    def retire_all(self, aside: Path | None = None, *, without: Collection[str] = ()) -> None:
+        """Remove the data set, and no file of others in its folder, before files are put into place.
+
+        Args:
+            aside: folder in that of what was moved aside, to which the files are moved; None to remove them.
+            without: files that stay, by their path in the data set.
+        """
+        for path in sorted(
+            own_files(self._folder), key=lambda path: path != self._folder / INFO
+        ):  # it counts the others
+            name = path.relative_to(self._folder)
+            if name.as_posix() in without:
+                continue
+            if aside is None:
+                self.retire(path)
+            else:
+                self._moves.append((_Kind.CLEAR, name_inside(self._folder, path), aside / name))
 
     def retire(self, path: Path) -> None:
         """Remove a file or folder of the data set, before files are put into place."""
@@ -265,32 +282,9 @@ def _refused(folder: Path, error: OSError, *, is_decided: bool) -> EpisodeError:
     return EpisodeError(f"{folder} cannot be written: {cause(error)}. {state}. {remedy_first(error, then)}")
 
 
-class Watch:
-    """Finds out whether another command changed an episode while it was read."""
-
-    def __init__(self) -> None:
-        self._before: dict[Path, tuple[int, int, int]] = {}
-
-    def add(self, path: Path) -> None:
-        """Watch a file. Raises OSError."""
-        self._before[path] = self._state(path)
-
-    def check(self) -> None:
-        """Raise EpisodeError if a file is another one."""
-        for path, before in self._before.items():
-            try:
-                now = self._state(path)
-            except FileNotFoundError:
-                now = (0, 0, 0)
-            if now != before:
-                raise EpisodeError(
-                    f"{path} was changed by another command meanwhile. Run the same command again"
-                )
-
-    @staticmethod
-    def _state(path: Path) -> tuple[int, int, int]:
-        found = path.stat()
-        return found.st_ino, found.st_size, found.st_mtime_ns
+def aside_name(command: str) -> str:
+    """Return the name of the folder of the files as they were before a command."""
+    return f"before-{command}-{time.strftime('%Y%m%d-%H%M%S')}"
 
 
 def own_files(folder: Path) -> list[Path]:
@@ -303,6 +297,14 @@ def own_files(folder: Path) -> list[Path]:
         files = [name for name in names if is_own((here / name).as_posix())]
         found += [folder / here / name for name in (*whole, *files)]
     return sorted(found)
+
+
+def files_of(folder: Path) -> list[Path]:
+    """Return the files of a data set, by name; folders of episodes are taken apart."""
+    found: list[Path] = []
+    for path in own_files(folder):
+        found += [path] if path.is_file() else sorted(inner for inner in path.rglob("*") if inner.is_file())
+    return found
 
 
 def recover(folder: Path, files: Files | None = None) -> bool:

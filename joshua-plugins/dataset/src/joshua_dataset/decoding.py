@@ -11,6 +11,7 @@ from typing import Any
 import av
 import numpy as np
 import numpy.typing as npt
+from joshua.tools import describe_pointer
 
 #: Largest picture that is decoded, pixels.
 LARGEST_PICTURE = 8192 * 8192
@@ -18,6 +19,14 @@ LARGEST_PICTURE = 8192 * 8192
 
 class DatasetError(Exception):
     """A data set cannot be read; the message says where, what was found and what to do."""
+
+
+def unreadable(path: Path, error: Exception) -> DatasetError:
+    """Return the error of a file that cannot be read; a Git LFS pointer is named as one."""
+    pointer = describe_pointer(path)
+    if pointer is not None:
+        return DatasetError(". ".join(pointer))
+    return DatasetError(f"{path} cannot be read: {error}")
 
 
 @dataclass(frozen=True)
@@ -40,7 +49,7 @@ def picture_of(data: bytes, path: Path, height: int, width: int) -> npt.NDArray[
     """Decode a picture of a known size. Raises DatasetError and av.FFmpegError."""
     container: Any
     with av.open(io.BytesIO(data)) as container:
-        _fits(container.streams.video[0], path, height, width)
+        fits(container.streams.video[0], path, height, width)
         for picture in container.decode(video=0):
             return _rgb(picture, path, height, width)
     raise DatasetError(f"{path} does not contain a picture")
@@ -50,7 +59,7 @@ def pictures_of_video(where: Pictures, fps: int, height: int, width: int) -> Ite
     """Yield the pictures of an episode in a video. Raises DatasetError and av.FFmpegError."""
     with av.open(str(where.path)) as container:
         stream = container.streams.video[0]
-        _fits(stream, where.path, height, width)
+        fits(stream, where.path, height, width)
         stream.thread_type = "AUTO"
         half_s = 0.5 / fps
         if where.from_s > 0 and stream.time_base is not None:
@@ -65,7 +74,12 @@ def pictures_of_video(where: Pictures, fps: int, height: int, width: int) -> Ite
             count += 1
 
 
-def _fits(stream: Any, path: Path, height: int, width: int) -> None:
+def fits(stream: Any, path: Path, height: int, width: int) -> None:
+    """Refuse a video whose pictures have another size than is described, or too large a one.
+
+    Raises:
+        DatasetError: it must not be decoded.
+    """
     if stream.codec_context is None:
         raise DatasetError(f"{path} has pictures of an unknown codec")
     found = (stream.codec_context.height, stream.codec_context.width)
@@ -104,7 +118,7 @@ def picture_at(where: Pictures, number: int, fps: int, height: int, width: int) 
     file = str(where.path) if where.opened is None else where.opened(where.path)
     with av.open(file) as container:
         stream = container.streams.video[0]
-        _fits(stream, where.path, height, width)
+        fits(stream, where.path, height, width)
         if wanted_s > 0 and stream.time_base is not None:
             container.seek(int(wanted_s / stream.time_base), stream=stream)
         for picture in container.decode(stream):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +44,16 @@ def aside_folder(folder: Path) -> Path:
         UnsafePathError: it is elsewhere.
     """
     return inside(folder, Path(PRIVATE) / "aside", "the folder of what was moved aside")
+
+
+def linked(source: str | Path, target: str | Path) -> None:
+    """Give a file a second name, or copy it where the disk has no links. Raises OSError."""
+    try:
+        if Path(source).is_symlink():
+            raise OSError(errno.EMLINK, "a link to a link would lead elsewhere", str(source))
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)
 
 
 def remove_empty_folders(top: Path) -> None:

@@ -16,6 +16,7 @@ from joshua.messages.arrays import acquired_ns, array_of
 
 from joshua_dataset.as_messages import JOINT_STATE, SUFFIX, units_of
 from joshua_dataset.bag import FILE, messages
+from joshua_dataset.checks.problem import Kind
 from joshua_dataset.metadata import ACQUISITION
 from joshua_dataset.reader import Dataset, DatasetError, Episode
 from joshua_dataset.sampler import Sampler
@@ -131,12 +132,12 @@ class MessageFrames:
         return replace(frame, values={**values, ACQUISITION: stamps_ns})
 
 
-def problems(dataset: Dataset, episode: Episode) -> Iterator[tuple[str, bool]]:
-    """Yield each problem of an episode of messages, and whether it is serious."""
+def problems(dataset: Dataset, episode: Episode) -> Iterator[tuple[Kind, str, bool]]:
+    """Yield kind and text of each problem of an episode of messages, and whether it is serious."""
     stamps: dict[str, list[int]] = {}
     path = message_file(dataset, episode)
     if not path.is_file():
-        yield f"{path} is missing", True
+        yield Kind.MESSAGES_MISSING, f"{path} is missing", True
         return
     count = 0
     for topic, type_name, record in messages(path):
@@ -144,17 +145,18 @@ def problems(dataset: Dataset, episode: Episode) -> Iterator[tuple[str, bool]]:
         try:
             stamps.setdefault(topic, []).append(acquired_ns(decode(type_name, record.data), record.log_time))
         except MessageError as error:
-            yield f"a message of {topic} cannot be read: {error}", True
+            yield Kind.MESSAGES_TORN, f"a message of {topic} cannot be read: {error}", True
             return
     if count != episode.length:
-        yield f"{path.name} has {count} intact messages, but {episode.length} are described", True
+        text = f"{path.name} has {count} intact messages, but {episode.length} are described"
+        yield Kind.MESSAGES_TORN, text, True
     for key, topic in dataset.topics.items():
         if topic not in stamps and not Stream(dataset.features[key]).is_latched:
-            yield f"it has no message of {topic}, which carries {key}", True
+            yield Kind.MESSAGES_MISSING, f"it has no message of {topic}, which carries {key}", True
     for topic, found in stamps.items():
         steps_s = np.diff(np.array(found)) / 1e9
         if len(steps_s) and steps_s.min() <= 0:
-            yield f"the stamps of {topic} do not increase", False
+            yield Kind.STAMPS, f"the stamps of {topic} do not increase", False
         gap_s = max(0.5, 5 * float(np.median(steps_s))) if len(steps_s) else 0.0
         if topic in dataset.topics.values() and len(steps_s) and steps_s.max() > gap_s:
-            yield f"{topic} has no message for {steps_s.max():.2f} s", False
+            yield Kind.RECORDING_GAP, f"{topic} has no message for {steps_s.max():.2f} s", False

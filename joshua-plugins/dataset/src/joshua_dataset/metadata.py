@@ -35,6 +35,9 @@ INFO = Path("meta") / "info.json"
 STATS = Path("meta") / "stats.json"
 TASKS = Path("meta") / "tasks.parquet"
 
+#: Statistics by episode in LeRobot's layout v2.1; v3.0 keeps them in the table of episodes.
+EPISODES_STATS = Path("meta") / "episodes_stats.jsonl"
+
 #: Column of the frames' acquisition stamps, ns since the epoch.
 STAMP = "stamp_ns"
 

@@ -82,6 +82,14 @@ def fragments(path: Path) -> Fragments:
     return Fragments(False, end, patch, _is_torn(boxes, last, size))
 
 
+def is_cut(path: Path) -> bool:
+    """Return whether a file ends within one of its boxes. Raises OSError."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        boxes = _boxes(file, 0, size)
+    return bool(boxes) and boxes[-1].end > size
+
+
 def opened(path: Path, found: Fragments) -> io.RawIOBase:
     """Open the whole fragments of a file as a file that ends with the last one. Raises OSError."""
     return _Prefix(path, found)

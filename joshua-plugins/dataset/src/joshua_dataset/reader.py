@@ -5,9 +5,8 @@ Data sets are not trusted: paths stay inside its folder, sizes are checked befor
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,17 +18,24 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 from joshua.api.files import UnsafePathError, file_inside, filled, inside
 from joshua.features import FeatureSet
+from joshua.tools import parse_json
 
 from joshua_dataset import statistics
 from joshua_dataset.decoding import DatasetError as DatasetError
-from joshua_dataset.decoding import Pictures, pictures_of_video
+from joshua_dataset.decoding import Pictures, pictures_of_video, unreadable
 from joshua_dataset.decoding import picture_of as picture_of
-from joshua_dataset.lock import PRIVATE
-from joshua_dataset.metadata import INDEX_COLUMNS, INFO, MESSAGES, OURS, STATS, TASKS, array_of, is_list
+from joshua_dataset.meta_files import read_info, read_json, read_lines, read_tasks
+from joshua_dataset.metadata import (
+    EPISODES_STATS,
+    INDEX_COLUMNS,
+    INFO,
+    MESSAGES,
+    OURS,
+    STATS,
+    array_of,
+    is_list,
+)
 from joshua_dataset.statistics import Statistics
-
-#: Largest metadata file that is read, and largest line of one, bytes.
-LARGEST_JSON, LARGEST_LINE = 256 << 20, 16 << 20
 
 #: Most rows of a table that is read: a compressed one can hold any number.
 MOST_ROWS = 20_000_000
@@ -97,9 +103,23 @@ class Dataset:
     @classmethod
     def read(cls, folder: Path) -> Dataset:
         """Read the metadata. Raises DatasetError."""
-        info = _json(folder / INFO, folder)
-        if not isinstance(info, dict):
-            raise DatasetError(f"{folder / INFO} is not a JSON object")
+        info = read_info(folder)
+        found = cls.of(folder, info)
+        try:
+            tasks = tuple(str(text) for _, text in sorted(read_tasks(folder, found.version)))
+        except (KeyError, TypeError, ValueError) as error:
+            raise DatasetError(
+                f"{folder}: the table of tasks is not valid: {type(error).__name__}: {error}"
+            ) from error
+        return replace(found, tasks=tasks)
+
+    @classmethod
+    def of(cls, folder: Path, info: Mapping[str, Any]) -> Dataset:
+        """Return what ``meta/info.json`` says, without the tasks. Raises DatasetError.
+
+        Args:
+            folder: of the data set; info: content of the file.
+        """
         version = str(info.get("codebase_version", ""))
         if version not in VERSIONS:
             raise DatasetError(
@@ -122,7 +142,7 @@ class Dataset:
                 features=features,
                 episodes=int(info["total_episodes"]),
                 frames=int(info["total_frames"]),
-                tasks=_tasks(folder, version),
+                tasks=(),
                 pictures=pictures,
                 codec=", ".join(sorted(codecs)),
                 identity={str(k): str(v) for k, v in ours.get("identity", {}).items()},
@@ -147,7 +167,7 @@ class Dataset:
         try:
             if self.version == "v2.1" and not (self.folder / STATS).exists():
                 return self._merged_statistics()
-            record = _json(self.folder / STATS, self.folder)
+            record = read_json(self.folder, STATS)
             return {str(key): statistics.from_json(values) for key, values in record.items()}
         except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
             raise DatasetError(f"{self.folder / STATS} is not valid: {error}") from error
@@ -161,25 +181,38 @@ class Dataset:
                 found[key] = statistics.merged([found[key], part]) if key in found else part
         return found
 
-    def episode_list(self, wanted: set[int] | None = None) -> Iterator[Episode]:
+    def episode_list(
+        self, wanted: set[int] | None = None, *, with_statistics: bool = True
+    ) -> Iterator[Episode]:
         """Yield the episodes that the data set counts, in order. Raises DatasetError.
 
         Args:
             wanted: their indices; None for all.
+            with_statistics: read their statistics, too, which must be readable then.
         """
-        rows = self._rows_v3() if self.version == "v3.0" else self._rows_v2()
+        rows = self._rows_v3() if self.version == "v3.0" else self._rows_v2(with_statistics)
         for row in rows:
             try:
                 index = int(row["episode_index"])
-                if index < self.episodes and (wanted is None or index in wanted):
-                    yield self._episode(row, index)
-            except UnsafePathError as error:
-                raise DatasetError(f"{self.folder / 'meta'}: episode {index}: {error}") from error
-            except (KeyError, TypeError, ValueError, IndexError) as error:
-                raise DatasetError(
-                    f"{self.folder / 'meta'}: the row of an episode is not valid: "
-                    f"{type(error).__name__}: {error}"
-                ) from error
+            except (KeyError, TypeError, ValueError) as error:
+                raise self._odd_row(error) from error
+            if index < self.episodes and (wanted is None or index in wanted):
+                yield self.episode_of(row)
+
+    def episode_of(self, row: Mapping[str, Any]) -> Episode:
+        """Return the episode that a row of the table of episodes describes. Raises DatasetError."""
+        try:
+            index = int(row["episode_index"])
+            return self._episode(row, index)
+        except UnsafePathError as error:
+            raise DatasetError(f"{self.folder / 'meta'}: episode {index}: {error}") from error
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            raise self._odd_row(error) from error
+
+    def _odd_row(self, error: Exception) -> DatasetError:
+        return DatasetError(
+            f"{self.folder / 'meta'}: the row of an episode is not valid: {type(error).__name__}: {error}"
+        )
 
     def columns(self, episode: Episode) -> dict[str, npt.NDArray[Any]]:
         """Return the numbers of an episode, (N,) or (N, D) by column. Raises DatasetError."""
@@ -239,7 +272,7 @@ class Dataset:
                     path = file_inside(self.folder, where.path / f"frame-{number:06d}{suffix}", "the picture")
                     yield picture_of(path.read_bytes(), path, height, width)
         except (OSError, av.FFmpegError, TypeError, KeyError, ValueError) as error:
-            raise DatasetError(f"{where.path}: {error}") from error
+            raise unreadable(where.path, error) from error
 
     def _kind(self, key: str) -> str:
         """Return how the pictures of a feature are stored; LeRobot decides this for each camera."""
@@ -255,7 +288,7 @@ class Dataset:
                 table = pa_csv.read_csv(path)
             elif path.suffix == ".jsonl":
                 with path.open(encoding="utf-8") as file:
-                    table = pa.Table.from_pylist([json.loads(line) for line in file])
+                    table = pa.Table.from_pylist([parse_json(line) for line in file])
             else:
                 rows = pq.read_metadata(path).num_rows
                 if rows > MOST_ROWS:
@@ -265,7 +298,7 @@ class Dataset:
                 raise DatasetError(f"{path} lacks the column episode_index")
             return table
         except (OSError, ValueError, TypeError, pa.ArrowException) as error:
-            raise DatasetError(f"{path} cannot be read: {error}") from error
+            raise unreadable(path, error) from error
 
     def _gathered(self, columns: Mapping[str, Any]) -> dict[str, Any]:
         """Gather the columns of a CSV table, each vector in one column."""
@@ -286,37 +319,57 @@ class Dataset:
                 for path in sorted(inside(self.folder, chunk).glob("file-*.parquet"))
             ]
         except OSError as error:
-            raise DatasetError(f"{folder} cannot be read: {error}") from error
+            raise unreadable(folder, error) from error
         for path in paths:
             try:
                 with pq.ParquetFile(path) as file:
                     for batch in file.iter_batches(batch_size=64):
                         yield from batch.to_pylist()
             except (OSError, pa.ArrowException) as error:
-                raise DatasetError(f"{path} cannot be read: {error}") from error
+                raise unreadable(path, error) from error
 
-    def _rows_v2(self) -> Iterator[dict[str, Any]]:
+    def _rows_v2(self, with_statistics: bool) -> Iterator[dict[str, Any]]:
         meta = self.folder / "meta"
-        found = {
-            int(r["episode_index"]): r.get("stats", {})
-            for r in _lines(self.folder, meta / "episodes_stats.jsonl", False)
-        }
-        for row in _lines(self.folder, meta / "episodes.jsonl", True):
+        stored = read_lines(self.folder, self.folder / EPISODES_STATS, False) if with_statistics else ()
+        found = {int(r["episode_index"]): r.get("stats", {}) for r in stored}
+        for row in read_lines(self.folder, meta / "episodes.jsonl", True):
             yield row | {"stats": found.get(int(row["episode_index"]), {})}
+
+    def table_of(self, row: Mapping[str, Any]) -> Path:
+        """Return the table of the episode that a row describes. Raises DatasetError."""
+        try:
+            return self._table_of(row, int(row["episode_index"]))
+        except UnsafePathError as error:
+            raise DatasetError(f"{self.folder / 'meta'}: {error}") from error
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            raise self._odd_row(error) from error
+
+    def _table_of(self, row: Mapping[str, Any], index: int) -> Path:
+        if self.version == "v3.0":
+            file = {name: int(row[f"data/{name}"]) for name in ("chunk_index", "file_index")}
+        else:
+            file = self._file_of(index)
+        return self._inside(str(self.info["data_path"]), file)
+
+    def _file_of(self, index: int) -> dict[str, int]:
+        """Return what the templates of the layout v2 need."""
+        size = int(self.info.get("chunks_size", 1000))
+        if size < 1:
+            raise ValueError(f"chunks_size is {size}")
+        return {"episode_chunk": index // size, "episode_index": index}
 
     def _episode(self, row: Mapping[str, Any], index: int) -> Episode:
         info, length = self.info, int(row["length"])
+        table = self._table_of(row, index)
+        file = self._file_of(index) if self.version != "v3.0" else {}
         if self.version == "v3.0":
-            file = {name: int(row[f"data/{name}"]) for name in ("chunk_index", "file_index")}
             found: dict[str, dict[str, Any]] = {}
             for name, value in row.items():
                 if name.startswith("stats/") and value is not None:
                     key, _, which = name.removeprefix("stats/").rpartition("/")
                     found.setdefault(key, {})[which] = value
         else:
-            file = {"episode_chunk": index // int(info.get("chunks_size", 1000)), "episode_index": index}
             found = dict(row["stats"])
-        table = self._inside(str(info["data_path"]), file)
         pictures = {}
         for feature in self.features.pictures if self.pictures != MESSAGES else ():
             key, path, from_s = feature.key, table, 0.0
@@ -338,53 +391,3 @@ class Dataset:
 def _codec(described: Mapping[str, Any]) -> str:
     found = described.get("info") or described.get("video_info") or {}
     return str(found.get("video.codec", ""))
-
-
-def _tasks(folder: Path, version: str) -> tuple[str, ...]:
-    if version == "v3.0":
-        path = folder / TASKS
-        try:
-            file_inside(folder, path)
-            columns = pq.read_table(path).to_pydict()
-        except FileNotFoundError:
-            return ()
-        except (OSError, pa.ArrowException) as error:
-            raise DatasetError(f"{path} cannot be read: {error}") from error
-        names: list[Any] = next((values for name, values in columns.items() if name != "task_index"), [])
-        pairs = zip(columns["task_index"], names, strict=True)
-    else:
-        rows = list(_lines(folder, folder / "meta" / "tasks.jsonl", True))
-        pairs = zip((row["task_index"] for row in rows), (row["task"] for row in rows), strict=True)
-    return tuple(str(name) for _, name in sorted(pairs))
-
-
-def _json(path: Path, folder: Path) -> Any:
-    try:
-        if file_inside(folder, path).stat().st_size > LARGEST_JSON:
-            raise DatasetError(f"{path} is larger than {LARGEST_JSON >> 20} MB")
-        return json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        if (folder / PRIVATE / "change").exists():
-            raise DatasetError(
-                f"{folder} has a change that was interrupted. "
-                f"Run `joshua dataset repair {folder}` to complete it"
-            ) from error
-        raise DatasetError(f"{folder} is not a data set: it has no {path.relative_to(folder)}") from error
-    except (OSError, ValueError, RecursionError) as error:
-        raise DatasetError(f"{path} cannot be read: {error}") from error
-
-
-def _lines(folder: Path, path: Path, needed: bool) -> Iterator[dict[str, Any]]:
-    try:
-        file_inside(folder, path)
-        with path.open(encoding="utf-8") as file:
-            for line in iter(lambda: file.readline(LARGEST_LINE), ""):
-                if len(line) >= LARGEST_LINE:
-                    raise DatasetError(f"{path} has a line above {LARGEST_LINE >> 20} MB")
-                if line.strip():
-                    yield dict(json.loads(line))
-    except FileNotFoundError as error:
-        if needed:
-            raise DatasetError(f"{path} is missing") from error
-    except (OSError, ValueError, TypeError, RecursionError) as error:
-        raise DatasetError(f"{path} cannot be read: {error}") from error

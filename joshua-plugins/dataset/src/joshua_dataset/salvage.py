@@ -167,7 +167,7 @@ class _VideoPart(_Part):
             av.open(file, "r") as source,
             av.open(str(self._whole), "w", format="mp4") as target,
         ):
-            stream = target.add_stream_from_template(source.streams.video[0])
+            stream = target.add_stream_from_template(source.streams.video[0], opaque=True)
             for packet in source.demux(video=0):
                 if count == length:
                     break

@@ -104,10 +104,19 @@ def merged(parts: Sequence[Statistics]) -> Statistics:
 
 
 def as_json(statistics: Statistics) -> dict[str, Any]:
-    """Convert statistics to plain lists; the count becomes a whole number."""
-    return {
-        name: [int(value[0])] if name == "count" else value.tolist() for name, value in statistics.items()
-    }
+    """Convert statistics to plain lists; the count becomes a whole number.
+
+    A figure that is no number, because a recorded value was none, becomes ``null``: JSON has no other word.
+    """
+    return {name: [int(value[0])] if name == "count" else _plain(value) for name, value in statistics.items()}
+
+
+def _plain(values: FloatArray) -> Any:
+    if np.isfinite(values).all():
+        return values.tolist()
+    plain = values.astype(object)
+    plain[~np.isfinite(values)] = None
+    return plain.tolist()
 
 
 def from_json(record: Mapping[str, Any]) -> Statistics:

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from joshua.api.files import file_inside, inside, safe_name, tree_inside
+from joshua.api.files import file_inside, free_name, inside, is_system_error, safe_name, tree_inside
 from joshua.features import DatasetLayout, EpisodeError, FeatureError, FeatureSet, checked
 from joshua.messages import decode
+from joshua.tools import describe_pointer
 from joshua_jobs.executor import Executor
 from joshua_jobs.processes import in_order
 
 from joshua_dataset import statistics
 from joshua_dataset.bag import messages
-from joshua_dataset.changes import Watch, changing, is_interrupted
-from joshua_dataset.files import reason, remove_empty_folders
+from joshua_dataset.changes import aside_name, changing, is_interrupted
+from joshua_dataset.files import aside_folder, linked, reason, remove_empty_folders
 from joshua_dataset.formats import writer_of
 from joshua_dataset.from_messages import MessageFrames, message_file
 from joshua_dataset.lock import PRIVATE
@@ -30,6 +30,7 @@ from joshua_dataset.open_episode import SUFFIXES, open_folder
 from joshua_dataset.pictures import ERRORS, Encoder, PictureFiles, Video
 from joshua_dataset.reader import Dataset, DatasetError, Episode
 from joshua_dataset.statistics import Statistics
+from joshua_dataset.watching import Watch
 from joshua_dataset.writer import DatasetWriter, NotKept
 
 NS_PER_S = 1_000_000_000
@@ -45,6 +46,10 @@ class Source:
 
     folder: Path
     episodes: tuple[int, ...] | None = None
+
+
+class DamagedEpisodeError(EpisodeError):
+    """One episode cannot be read, so it cannot be written into another data set; the others may be."""
 
 
 @dataclass(frozen=True)
@@ -172,10 +177,20 @@ def _from_messages(
     return writer.episodes
 
 
-def delete(folder: Path, episodes: Sequence[int], *, workers: Executor | int | None = None) -> int:
+def delete(
+    folder: Path,
+    episodes: Sequence[int],
+    *,
+    damaged: Collection[int] = (),
+    workers: Executor | int | None = None,
+) -> int:
     """Remove episodes from a data set; return how many are left. It is replaced as a whole, at the end.
 
     Files of others in the folder stay. Pictures take no space twice.
+
+    Args:
+        damaged: episodes that are left out, too. With any, the files as they were are moved aside, and not
+            removed.
 
     Raises:
         EpisodeError, DatasetError: as ``build``, or another process writes the data set; it stays unchanged.
@@ -185,9 +200,10 @@ def delete(folder: Path, episodes: Sequence[int], *, workers: Executor | int | N
     with changing(folder) as change:
         there = Dataset.read(folder)
         _check(folder, there, episodes)
-        kept = tuple(number for number in range(there.episodes) if number not in set(episodes))
+        gone = {*episodes, *damaged}
+        kept = tuple(number for number in range(there.episodes) if number not in gone)
         if there.pictures == MESSAGES:
-            count = _copied_messages(there, kept, change.made)
+            count = copied_messages(there, kept, change.made)
         else:
             layout = _layout([there], change.made, there.format, "", "")
             source = Source(folder, kept)
@@ -199,7 +215,10 @@ def delete(folder: Path, episodes: Sequence[int], *, workers: Executor | int | N
                 f"{folder}: only {count} of the {len(kept)} episodes to keep are described. Nothing is "
                 f"deleted. Run `joshua dataset check {folder}`"
             )
-        change.retire_all()
+        if damaged:
+            change.retire_all(free_name(aside_folder(folder), aside_name("delete")))
+        else:
+            change.retire_all()
         change.put_made()
         change.commit()
     for name in FOLDERS:
@@ -207,7 +226,7 @@ def delete(folder: Path, episodes: Sequence[int], *, workers: Executor | int | N
     return count
 
 
-def _copied_messages(dataset: Dataset, kept: Sequence[int], target: Path) -> int:
+def copied_messages(dataset: Dataset, kept: Sequence[int], target: Path) -> int:
     """Write some episodes of messages into a new data set as they are; return their number."""
     features = [replace(item, topic=dataset.topics.get(item.key, "")) for item in dataset.features.values()]
     layout = replace(_layout([dataset], target, "mcap", "", ""), features=FeatureSet(features))
@@ -287,7 +306,13 @@ def _prepare(job: _Job) -> _Prepared:
 
     In a folder of its own: a worker that seems lost may still write while another one repeats its job.
     """
-    job = replace(job, scratch=job.scratch.with_name(f"{job.scratch.name}-{uuid4().hex}"))
+    try:
+        return _prepared(replace(job, scratch=job.scratch.with_name(f"{job.scratch.name}-{uuid4().hex}")))
+    except DatasetError as error:
+        raise DamagedEpisodeError(f"episode {job.episode.index} of {job.folder}: {error}") from error
+
+
+def _prepared(job: _Job) -> _Prepared:
     dataset, episode, layout = Dataset.read(job.folder), job.episode, job.layout
     columns = dataset.columns(episode)
     if STAMP not in columns:  # LeRobot's own recordings have only the time of the index
@@ -295,7 +320,7 @@ def _prepare(job: _Job) -> _Prepared:
     try:
         kept = {feature.key: _numbers(feature, columns[feature.key]) for feature in layout.features.numbers}
     except FeatureError as error:
-        raise EpisodeError(f"episode {episode.index} of {job.folder}: {error}") from error
+        raise DamagedEpisodeError(f"episode {episode.index} of {job.folder}: {error}") from error
     kept[STAMP] = columns[STAMP]
     assert not set(kept) & (set(INDEX_COLUMNS) - {STAMP})
     inside(layout.folder, job.scratch).mkdir(parents=True, exist_ok=True)
@@ -312,10 +337,13 @@ def _pictures(job: _Job, dataset: Dataset, key: str) -> Statistics:
     layout, episode = job.layout, job.episode
     path = job.scratch / f"{safe_name(key, 'the feature')}{SUFFIXES[layout.pictures]}"
     where = episode.pictures[key]
+    pointer = describe_pointer(where.path)
+    if pointer is not None:
+        raise DamagedEpisodeError(f"episode {episode.index} of {job.folder}: {'. '.join(pointer)}")
     known = {name: values for name, values in episode.statistics.get(key, {}).items() if values is not None}
     own_file = dataset.format != "lerobot" or "joshua" in dataset.info
     if own_file and layout.pictures == dataset.pictures and layout.codec == dataset.codec and known:
-        copy = _linked if job.is_linked else shutil.copyfile
+        copy = linked if job.is_linked else shutil.copyfile
         if where.path.is_dir():
             tree_inside(job.folder, where.path, "the pictures")
             shutil.copytree(where.path, path, copy_function=copy)
@@ -325,7 +353,7 @@ def _pictures(job: _Job, dataset: Dataset, key: str) -> Statistics:
         try:
             return statistics.from_json(known)
         except (TypeError, ValueError) as error:
-            raise EpisodeError(
+            raise DamagedEpisodeError(
                 f"episode {episode.index} of {job.folder}: the statistics of {key} are not valid: {error}"
             ) from error
     height, width, _ = layout.features[key].shape
@@ -343,18 +371,11 @@ def _pictures(job: _Job, dataset: Dataset, key: str) -> Statistics:
         found = encoder.finish() if count else {}
     except (DatasetError, *ERRORS) as error:
         encoder.drop()
-        raise EpisodeError(f"episode {episode.index} of {job.folder}: {key}: {reason(error)}") from error
+        kind = EpisodeError if is_system_error(error) else DamagedEpisodeError
+        raise kind(f"episode {episode.index} of {job.folder}: {key}: {reason(error)}") from error
     if count != episode.length:
-        raise EpisodeError(
+        raise DamagedEpisodeError(
             f"episode {episode.index} of {job.folder}: {key} has {count} pictures, "
             f"and {episode.length} are described"
         )
     return found
-
-
-def _linked(source: str | Path, target: str | Path) -> None:
-    """Give a file a second name, or copy it where the disk has no links."""
-    try:
-        os.link(source, target)
-    except OSError:
-        shutil.copyfile(source, target)

@@ -455,11 +455,14 @@ class DatasetWriter(EpisodeWriter):
             change.clear(target)
             change.put(source, target)
         path = folder / (metadata.DATA_PATH.format(**place) + metadata.SUFFIXES[self.format])
+        change.clear(path)
         change.table(path, self._table(columns))
         if self.format != "lerobot" and not self.episodes:
             change.json(folder / "schema.json", metadata.table_schema(self.layout, self.format))
         row = self._episode_row(len(columns[STAMP]), task, found, counts)
-        change.table(folder / metadata.EPISODES_PATH.format(**place), pa.Table.from_pylist([row]))
+        described = folder / metadata.EPISODES_PATH.format(**place)
+        change.clear(described)
+        change.table(described, pa.Table.from_pylist([row]))
         if tasks != self._tasks:
             change.table(folder / TASKS, metadata.tasks_table(tasks))
         change.json(folder / STATS, {key: statistics.as_json(value) for key, value in together.items()})

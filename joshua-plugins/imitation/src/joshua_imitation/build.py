@@ -74,7 +74,7 @@ def build(
             raise unusable(continued, error.message) from error
     torch.manual_seed(settings.seed)
     with contextlib.ExitStack() as undo:
-        dataset, stream = open_dataset(settings.dataset, shared)
+        dataset, stream = open_dataset(settings.dataset, shared, checks=judges)
         if stream is not None:
             undo.callback(stream.close)
         if continued is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy.typing as npt
 from joshua.features import ACTION, STATE
 from joshua.tools import parse_json
 from joshua_dataset.decoding import DatasetError
+from joshua_dataset.fitness import UnfitError, require_fit
 from joshua_dataset.reader import Dataset, Episode
 from joshua_training.run_folder import RunError, unusable
 
@@ -19,6 +21,8 @@ from joshua_imitation.joined import with_joined_arms
 from joshua_imitation.stream import Stream
 
 Array = npt.NDArray[Any]
+
+_log = logging.getLogger(__name__)
 
 PICTURES = "observation.images."
 
@@ -152,23 +156,33 @@ def _identity(info: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def open_dataset(place: str, videos: Path | None = None) -> tuple[Dataset, Stream | None]:
+def open_dataset(
+    place: str, videos: Path | None = None, *, checks: bool = True
+) -> tuple[Dataset, Stream | None]:
     """Read the metadata of a data set: in a folder, on the hub by its id, or at an address that is streamed.
 
     LeRobot's loader fetches a data set that is named by its id.
 
     Args:
         videos: folder of the blocks of a stream that another process opened, None for one of its own.
+        checks: refuse errors in the tables, the statistics and the headers of the videos. The videos of a
+            stream are not there yet, and are checked when they are decoded.
 
     Raises:
-        RunError: it does not exist, or cannot be read.
+        RunError: it does not exist, cannot be read, or has errors.
     """
     if "://" not in place:
         folder = Path(place)
-        return _read(folder if folder.is_dir() else _fetched(place)), None
+        found = _read(folder if folder.is_dir() else _fetched(place))
+        if checks:
+            _refuse_errors(found.folder, "")
+        return with_joined_arms(found), None
     stream = Stream(place, videos)
     try:
-        return _read(stream.folder), stream
+        found = _read(stream.folder)
+        if checks:
+            _refuse_errors(found.folder, place)
+        return with_joined_arms(found), stream
     except RunError:
         stream.close()
         raise
@@ -184,7 +198,27 @@ def _read(folder: Path) -> Dataset:
             f"{folder} has the layout {found.version}, {found.format}: run `joshua dataset convert {folder} "
             "TARGET`, and train on TARGET"
         )
-    return with_joined_arms(found)
+    return found
+
+
+def _refuse_errors(folder: Path, address: str) -> None:
+    """Refuse a data set in which a check finds errors, and log its warnings. Raises RunError.
+
+    Args:
+        address: of a stream, whose copy here is temporary; "" for a folder.
+    """
+    try:
+        for problem in require_fit(folder, "learned from", videos=not address):
+            _log.warning("%s: %s", address or folder, problem.sentence)
+    except UnfitError as error:
+        if not address:
+            raise RunError(str(error)) from error
+        raise RunError(
+            f"{address} cannot be learned from: {error.problems[0].sentence}: run `joshua dataset download "
+            f"{address} FOLDER`, then `joshua dataset repair FOLDER`"
+        ) from error
+    except DatasetError as error:
+        raise RunError(f"{error}: run `joshua dataset check {folder}`") from error
 
 
 def _fetched(name: str) -> Path:

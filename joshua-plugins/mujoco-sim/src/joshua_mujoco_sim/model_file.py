@@ -11,6 +11,7 @@ from pathlib import Path
 
 import mujoco
 from joshua.api import ConfigurationError
+from joshua.tools import describe_pointers
 
 from joshua_mujoco_sim.catalog import find_packaged, similar_names
 from joshua_mujoco_sim.urdf import is_urdf, read_urdf
@@ -79,12 +80,36 @@ def load_model(
             warnings.simplefilter("ignore")  # the options of the scene apply to everything in it
             return scene.compile()
     except (ValueError, mujoco.FatalError) as error:
+        pointers = _pointers(path, *(model_file(other.model_path, folder) for other in attached))
+        if pointers is not None:
+            raise ModelError(f"{path} cannot be compiled: {'. '.join(pointers)}") from error
         reason = " ".join(str(error).split())
         raise ModelError(
             f"{path} is not a model that MuJoCo can compile: {reason}: correct the file"
         ) from error
     except OSError as error:
         raise ModelError(f"{path} cannot be read: {error.strerror or error}") from error
+
+
+def _pointers(*paths: Path) -> tuple[str, str] | None:
+    """Return what is wrong with the files that models load, if some are Git LFS pointers, and the remedy."""
+    for path in paths:
+        try:
+            spec = mujoco.MjSpec.from_file(str(path))
+        except (ValueError, mujoco.FatalError):
+            continue  # the text itself is malformed, which MuJoCo's own error says
+        loaded = [_of_model(path, spec.meshdir, mesh.file) for mesh in spec.meshes]
+        loaded += [_of_model(path, spec.meshdir, field.file) for field in spec.hfields]
+        loaded += [_of_model(path, spec.texturedir, texture.file) for texture in spec.textures]
+        found = describe_pointers(path.parent, [file for file in loaded if file is not None])
+        if found is not None:
+            return found
+    return None
+
+
+def _of_model(path: Path, folder: str, name: str) -> Path | None:
+    """Return the file that a model loads by a name in one of its folders; None without a name."""
+    return path.parent / folder / name if name else None
 
 
 def _read(path: Path) -> mujoco.MjSpec:

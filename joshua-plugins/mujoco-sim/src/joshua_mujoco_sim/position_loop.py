@@ -41,7 +41,7 @@ FRICTION_SHARE = 0.002
 #: Shortest time in which a joint crosses its range.
 CROSSING_S = 0.4
 
-#: Simulated time after which inertia and damping are computed again.
+#: Simulated time after which inertia, damping and force limits are computed again.
 REFRESH_S = 0.01
 
 
@@ -77,11 +77,13 @@ class PositionLoop:
         self._takes_positions = np.array([joint.kind == "position" for joint in joints], np.bool_)
         self._goal: FloatArray = np.full(count, np.nan)
         self._gains: FloatArray = np.full((2, count), np.nan)
+        self._has_gains = False
         #: Degrees of freedom that no actuator moves, such as those of a floating base.
         self._passive = ~_moved(model, data, (*joints, *others))
         self._reduced: FloatArray = np.zeros((count, model.nv))
         self._inertia: FloatArray = np.zeros((count, count))
         self._damping: FloatArray = np.zeros(count)
+        self._limit: FloatArray = np.zeros(count)
         self._friction: FloatArray = np.zeros(count)
         self._has_friction = bool(model.dof_frictionloss.any())
         self._friction_width = np.array([FRICTION_SHARE * (joint.high - joint.low) for joint in joints])
@@ -105,6 +107,7 @@ class PositionLoop:
     def set_gains(self, place: int, gains: Gains) -> None:
         """Replace the default gains of a joint."""
         self._gains[:, place] = gains.position, gains.velocity
+        self._has_gains = True
 
     def clear(self) -> None:
         """Drive no joint any more."""
@@ -134,21 +137,33 @@ class PositionLoop:
         velocity = self._coordinates.velocity()
         error = np.where(pushed, self._goal - position, 0.0)
         weight = np.where(pushed, self._reduced @ self._load(), 0.0)
-        limit = self._drives.force_limit(position)
-        wanted = self._wanted_velocity(error, weight, limit)
+        wanted = self._wanted_velocity(error, weight)
         # a joint that the loop does not drive counts as one at rest
         acceleration = np.where(pushed, 2 * self._frequency * (wanted - velocity), 0.0)
         force = self._inertia @ acceleration + 2 * self._damping * wanted
-        position_gain, velocity_gain = self._gains
-        force = np.where(np.isfinite(position_gain), position_gain * error - velocity_gain * velocity, force)
+        if self._has_gains:
+            force = np.where(np.isfinite(self._gains[0]), self._by_gains(error, velocity), force)
         return np.asarray(force + weight + self._against_friction(error))
 
-    def _wanted_velocity(self, error: FloatArray, weight: FloatArray, limit: FloatArray) -> FloatArray:
+    def _by_gains(self, error: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Return the forces by the gains of the file, any value without gains.
+
+        The error and the speed are those at the end of the step, so that no gain is too large for the time
+        step: J. Tan, K. Liu, G. Turk, Stable Proportional-Derivative Controllers, 2011.
+        """
+        timestep_s = float(self._model.opt.timestep)
+        position_gain, velocity_gain = np.nan_to_num(self._gains)
+        force = position_gain * (error - timestep_s * velocity) - velocity_gain * velocity
+        added = timestep_s * velocity_gain + timestep_s**2 * position_gain
+        acceleration = np.linalg.solve(self._inertia + np.diag(added), force)
+        return np.asarray(force - added * acceleration)
+
+    def _wanted_velocity(self, error: FloatArray, weight: FloatArray) -> FloatArray:
         """Return the velocity towards the goal, from which the joint can still brake."""
-        spare = np.maximum(limit - np.abs(weight), 0.1 * limit)
+        spare = np.maximum(self._limit - np.abs(weight), 0.1 * self._limit)
         deceleration = BRAKING_SHARE * spare / self._inertia.diagonal()
         fastest = np.minimum(np.sqrt(2 * deceleration * np.abs(error)), self._fastest)
-        return np.clip(self._frequency / 2 * error, -fastest, fastest)
+        return np.asarray(np.minimum(np.maximum(self._frequency / 2 * error, -fastest), fastest))
 
     def _against_friction(self, error: FloatArray) -> FloatArray:
         """Return the force that overcomes dry friction, less of it near the goal."""
@@ -172,7 +187,7 @@ class PositionLoop:
         return np.asarray(data.qfrc_bias - data.qfrc_passive - compensated - self._constraint)
 
     def _refresh(self, position: FloatArray) -> None:
-        """Compute inertia, damping and friction at the present positions, if they are old."""
+        """Compute what changes slowly at the present positions, if it is old."""
         model, data = self._model, self._data
         if 0 <= data.time - self._refreshed_s < REFRESH_S:
             return
@@ -192,6 +207,7 @@ class PositionLoop:
         self._inertia = reduced @ mass @ motion
         np.fill_diagonal(self._inertia, np.maximum(self._inertia.diagonal(), 1e-9))
         self._damping = self._drives.damping(position)
+        self._limit = self._drives.force_limit(position)
         self._friction = np.abs(motion).T @ model.dof_frictionloss
 
 

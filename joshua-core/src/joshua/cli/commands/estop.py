@@ -14,11 +14,12 @@ from joshua.cli.options import add_config_options, add_timeout
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from joshua.cli.estop import EstopTarget
     from joshua.guardian.energised import EnergisedRecord
-    from joshua.guardian.latch import EstopReport, LatchFolder
+    from joshua.guardian.latch import EstopReport, Latch, LatchFolder
+    from joshua.ipc.process_mark import ProcessMark
 
     Latches = Mapping[Path, LatchFolder]
 
@@ -81,6 +82,9 @@ def stop(latches: Latches, args: argparse.Namespace) -> int:
     if not systems and Path(word).is_file():
         return stop_file(latches, args)
     left = [] if systems else reach_left(latches, word)
+    lost = [] if word or systems else _lost(latches)
+    if lost:
+        return _show(left + stop_lost(latches, lost, args.timeout))
     if not systems and not (word and left):
         systems = _starting(latches, word)
     if not systems and not left:
@@ -101,10 +105,22 @@ def stop(latches: Latches, args: argparse.Namespace) -> int:
     return code
 
 
-def reach_systems(systems: list[EstopTarget], latches: Latches, timeout_s: float) -> list[Outcome]:
-    """Latch every e-stop first, then wait for each system."""
+def reach_systems(
+    systems: list[EstopTarget],
+    latches: Latches,
+    timeout_s: float,
+    replaced: Sequence[tuple[LatchFolder, Latch]] = (),
+) -> list[Outcome]:
+    """Latch every e-stop first, then wait for each system.
+
+    Args:
+        replaced: latches for every actuator, which those of the systems replace.
+    """
     for system in systems:
         system.begin(latches, timeout_s)
+    for folder, latch in replaced:  # before the wait: actuators report on the latch that counts for all
+        with contextlib.suppress(OSError):  # `joshua estop --release` names it
+            folder.clear(latch)
     reached = [(system, system.reports()) for system in systems]
     from joshua.cli.energised import forget_released
 
@@ -129,6 +145,36 @@ def reach_left(latches: Latches, word: str) -> list[Outcome]:
         if not word or record.source == path:
             files.setdefault((record.robot, record.source, record.domain_id), []).append(record)
     return [_reach_recorded(latches, records) for records in files.values()]
+
+
+def stop_lost(latches: Latches, marks: Sequence[ProcessMark], timeout_s: float) -> list[Outcome]:
+    """Stop runs whose folder has vanished, of which only their guardians are known.
+
+    A latch for every actuator of this user acts at once. Then a supervisor may make the folder again, so that
+    its run is stopped as any other. Without one, nobody reports.
+    """
+    from joshua.cli.lost_guardians import await_end
+    from joshua.guardian.latch import EstopReport
+
+    roads, standing = [], []
+    for folder in latches.values():
+        try:
+            latch = folder.set_for_all()
+        except OSError as error:
+            roads.append(("latch", f"not set in {folder.path}: {error.strerror or error}"))
+            continue
+        standing.append((folder, latch))
+        roads.append(("latch", f"set in {latch.source}; it counts for every actuator of this user"))
+    systems = _starting(latches, "")
+    if systems:
+        return reach_systems(systems, latches, timeout_s, replaced=standing)
+    await_end(marks, timeout_s)
+    reports = []
+    for mark in marks:
+        ended = "has ended, as it does when the torque is off" if mark.state == "gone" else f"is {mark.state}"
+        detail = f"its guardian {ended}, and with the folder of its run, all reports have vanished"
+        reports.append(EstopReport("", f"of process {mark.process_id}", "guardian", False, False, {}, detail))
+    return [Outcome("runs whose folder has vanished", reports, roads, bool(standing))]
 
 
 def _reach_recorded(latches: Latches, records: list[EnergisedRecord]) -> Outcome:
@@ -248,6 +294,13 @@ def _systems(latches: Latches, word: str) -> list[EstopTarget]:
         for folder, info in found
         if not word or word in (info.source, str(info.process_id)) or path == info.source
     ]
+
+
+def _lost(latches: Latches) -> list[ProcessMark]:
+    """Guardians of runs whose folder has vanished."""
+    from joshua.cli.lost_guardians import lost_guardians  # only here: a latch waits for no other import
+
+    return lost_guardians(latches)
 
 
 def _starting(latches: Latches, word: str) -> list[EstopTarget]:

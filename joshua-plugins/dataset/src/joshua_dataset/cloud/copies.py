@@ -17,8 +17,9 @@ from joshua_dataset.cloud.bucket import Bucket
 from joshua_dataset.cloud.errors import RemoteError
 from joshua_dataset.cloud.hub import Hub
 from joshua_dataset.cloud.store import RemoteFile, Store, Tally
+from joshua_dataset.meta_files import LARGEST_JSON
 from joshua_dataset.metadata import CHUNK_SIZE, INFO, OURS, TASKS
-from joshua_dataset.reader import LARGEST_JSON, Dataset, DatasetError
+from joshua_dataset.reader import Dataset, DatasetError
 
 #: Number of files transferred in parallel.
 JOBS = 4

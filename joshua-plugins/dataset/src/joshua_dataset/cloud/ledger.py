@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from joshua.api.files import file_inside
+from joshua.tools import parse_json
 
 from joshua_dataset.files import Files
 from joshua_dataset.lock import PRIVATE
@@ -68,7 +69,7 @@ class Ledger:
         self._remotes: dict[str, dict[str, Any]] = {}
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
             file_inside(folder, self._path)
-            record = json.loads(self._path.read_text(encoding="utf-8"))
+            record = parse_json(self._path.read_text(encoding="utf-8"))
             digests, remotes = dict(record["digests"]), dict(record["remotes"])
             self._digests, self._remotes = digests, {key: dict(value) for key, value in remotes.items()}
 

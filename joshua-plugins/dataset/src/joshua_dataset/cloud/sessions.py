@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from joshua.api.files import file_inside, inside
+from joshua.tools import parse_json
 
 from joshua_dataset.lock import PRIVATE
 
@@ -39,7 +40,7 @@ class Sessions:
         with contextlib.suppress(OSError, ValueError, TypeError):
             if folder is not None and self._path is not None:
                 file_inside(folder, self._path)
-                records = dict(json.loads(self._path.read_text(encoding="utf-8")))
+                records = dict(parse_json(self._path.read_text(encoding="utf-8")))
                 self._records = {key: dict(value) for key, value in records.items()}
 
     def get(self, item: Outgoing) -> dict[str, Any]:

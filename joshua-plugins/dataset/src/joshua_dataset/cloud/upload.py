@@ -9,7 +9,7 @@ from pathlib import Path
 from joshua.api.files import UnsafePathError
 from joshua.features import EpisodeError
 
-from joshua_dataset.changes import Watch, is_interrupted
+from joshua_dataset.changes import is_interrupted
 from joshua_dataset.cloud.copies import (
     INFO_NAME,
     JOBS,
@@ -30,6 +30,7 @@ from joshua_dataset.cloud.store import Outgoing, RemoteFile, Store, Tally, read_
 from joshua_dataset.files import cause, remedy_first
 from joshua_dataset.metadata import INFO
 from joshua_dataset.reader import Dataset, DatasetError
+from joshua_dataset.watching import Watch
 
 
 def upload(folder: Path, store: Store, tally: Tally, *, jobs: int = JOBS, replace: bool = False) -> Summary:

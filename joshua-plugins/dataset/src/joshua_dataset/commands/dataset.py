@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
-from joshua_jobs.choice import add_options, chosen, opened
-from joshua_jobs.executor import Executor, JobError
+from joshua_jobs.executor import JobError
 
-from joshua_dataset.commands import transfers
+from joshua_dataset.commands import making, transfers
+from joshua_dataset.commands.options import numbers, one, opened_workers, progress_of_episodes, workers
 
 SUMMARY = "show, check, repair, change, upload and download data sets"
-
-FORMATS = ("lerobot", "parquet", "csv", "jsonl")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,66 +30,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     view.add_argument("--no-open", action="store_true", help="only write the page")
     stats = one(actions, "stats", "compute the statistics from the data")
-    stats.add_argument("--write", action="store_true", help="replace meta/stats.json")
-    workers(stats)
-    repair = one(actions, "repair", "complete or discard an episode that a kill left unfinished")
-    repair.add_argument("--cut", action="store_true", help="discard it instead of completing it")
-    convert = one(actions, "convert", "write a data set in another format, codec or layout version")
-    convert.add_argument("target", type=Path, metavar="TARGET")
-    made(convert)
-    split = one(actions, "split", "write some episodes into a data set of their own")
-    split.add_argument("target", type=Path, metavar="TARGET")
-    episodes(split)
-    made(split)
-    merge = actions.add_parser("merge", help="write several data sets into one")
-    merge.add_argument("folders", type=Path, nargs="+", metavar="FOLDER")
-    merge.add_argument(
-        "--into", type=Path, required=True, metavar="TARGET", help="folder of the new data set"
+    stats.add_argument(
+        "--write", action="store_true", help="replace those of the data set and of its episodes"
     )
-    made(merge)
+    workers(stats)
+    repair = one(actions, "repair", "mend what `check` finds, and complete what a kill left unfinished")
+    repair.add_argument(
+        "--cut", action="store_true", help="discard an unfinished episode instead of completing it"
+    )
+    repair.add_argument(
+        "--task", default="", metavar="TEXT", help="the task of the rows for which the data set names none"
+    )
+    workers(repair)
+    making.add_actions(actions)
     export = one(actions, "export", "write a data set for Foxglove, rosbag2 or Rerun")
     export.add_argument("target", type=Path, metavar="TARGET")
     export.add_argument(
         "--to", choices=("mcap", "rerun"), default="mcap", help="MCAP with ROS 2 messages (default), or .rrd"
     )
-    remove = one(actions, "delete", "remove episodes and renumber the others")
-    episodes(remove)
-    workers(remove)
     transfers.add_actions(actions)
-
-
-def one(actions: Any, name: str, text: str) -> argparse.ArgumentParser:
-    """Add an action on one data set."""
-    parser: argparse.ArgumentParser = actions.add_parser(name, help=text)
-    parser.add_argument("folder", type=Path, metavar="FOLDER")
-    return parser
-
-
-def workers(parser: argparse.ArgumentParser) -> None:
-    """Add the number of processes, and the clusters in their place."""
-    parser.add_argument(
-        "--workers", type=positive, metavar="N", help="episodes at once (default: one per core)"
-    )
-    add_options(parser)
-
-
-def episodes(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of episodes."""
-    parser.add_argument(
-        "--episodes", type=numbers, required=True, metavar="LIST", help="such as 0-9,12; counted from 0"
-    )
-
-
-def made(parser: argparse.ArgumentParser) -> None:
-    """Add the options of a new data set."""
-    parser.add_argument(
-        "--format", choices=FORMATS, default="lerobot", help="format of the tables (default lerobot, v3)"
-    )
-    parser.add_argument("--codec", choices=("h264", "hevc", "av1"), default="", help="codec of the videos")
-    parser.add_argument(
-        "--pictures", choices=("video", "png", "jpeg"), default="", help="how to store pictures"
-    )
-    workers(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -109,6 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
             return transfers.run(arguments)
         if getattr(arguments, "executor", None):
             _make_absolute(arguments)
+        if arguments.action in making.ACTIONS:
+            return making.run(arguments)
         return int(globals()[f"_{arguments.action}"](arguments))
     except JobError as error:
         sys.stderr.write(f"joshua dataset {arguments.action}: {error}\n")
@@ -126,15 +82,6 @@ def _make_absolute(arguments: argparse.Namespace) -> None:
         arguments.folders = [folder.absolute() for folder in arguments.folders]
 
 
-@contextlib.contextmanager
-def _workers(arguments: argparse.Namespace) -> Iterator[Executor]:
-    """Open the workers of a command, and say at the end whether some were lost."""
-    with opened(chosen(arguments), arguments.workers) as workers:
-        yield workers
-        if workers.lost:
-            sys.stderr.write(f"{workers.lost} jobs were repeated, because their workers were lost\n")
-
-
 def _info(arguments: argparse.Namespace) -> int:
     from joshua.tools import Screen
 
@@ -147,20 +94,24 @@ def _info(arguments: argparse.Namespace) -> int:
 def _repair(arguments: argparse.Namespace) -> int:
     from joshua_dataset.repair import repair
 
-    sys.stdout.write(repair(arguments.folder, cut=arguments.cut) + "\n")
-    return 0
+    with opened_workers(arguments) as workers:
+        report = repair(arguments.folder, cut=arguments.cut, task=arguments.task, workers=workers)
+    sys.stdout.write(f"{report}\n")
+    return 0 if report.is_complete else 1
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from joshua_dataset.checking import check
+    from joshua_dataset.checking import Looked, check
 
     errors = warnings = 0
-    with _workers(arguments) as workers:
-        for problem in check(arguments.folder, pictures=not arguments.no_pictures, workers=workers):
+    looked = Looked()
+    with opened_workers(arguments) as workers:
+        pictures = not arguments.no_pictures
+        for problem in check(arguments.folder, pictures=pictures, workers=workers, looked=looked):
             sys.stdout.write(f"{problem}\n")
             errors += problem.serious
             warnings += not problem.serious
-    sys.stdout.write(f"{arguments.folder}: {errors} errors, {warnings} warnings\n")
+    sys.stdout.write(f"{arguments.folder}: {errors} errors, {warnings} warnings; {looked}\n")
     return 1 if errors else 0
 
 
@@ -188,14 +139,15 @@ def _view(arguments: argparse.Namespace) -> int:
 def _stats(arguments: argparse.Namespace) -> int:
     from joshua.tools import Screen, columns
 
-    from joshua_dataset.metadata import STATS
+    from joshua_dataset.metadata import EPISODES_STATS, STATS
     from joshua_dataset.reader import Dataset
     from joshua_dataset.recomputing import recompute, recomputed
 
     compute = recompute if arguments.write else recomputed
-    with _workers(arguments) as workers:
+    with opened_workers(arguments) as workers:
         found = compute(arguments.folder, workers=workers)
-    features = Dataset.read(arguments.folder).features
+    dataset = Dataset.read(arguments.folder)
+    features = dataset.features
     figures = ("min", "mean", "max", "std")
     rows = [("FEATURE", "NAME", *map(str.upper, figures))]
     for key, values in found.items():
@@ -209,101 +161,26 @@ def _stats(arguments: argparse.Namespace) -> int:
     layout = columns(rows, screen=Screen.of(sys.stdout), right=range(2, 6), group=0, flexible=1)
     sys.stdout.writelines(f"{line}\n" for line in layout)
     if arguments.write:
-        sys.stdout.write(f"{arguments.folder / STATS} is replaced\n")
+        stored = [arguments.folder / name for name in (STATS, EPISODES_STATS)]
+        names = " and ".join(str(path) for path in stored if path.exists())
+        sys.stdout.write(f"the statistics of {dataset.episodes} episodes are replaced: {names}\n")
     return 0
-
-
-def _convert(arguments: argparse.Namespace) -> int:
-    from joshua_dataset.transform import Source
-
-    return _build([Source(arguments.folder)], arguments.target, arguments)
-
-
-def _split(arguments: argparse.Namespace) -> int:
-    from joshua_dataset.transform import Source
-
-    return _build([Source(arguments.folder, arguments.episodes)], arguments.target, arguments)
-
-
-def _merge(arguments: argparse.Namespace) -> int:
-    from joshua_dataset.transform import Source
-
-    return _build([Source(folder) for folder in arguments.folders], arguments.into, arguments)
 
 
 def _export(arguments: argparse.Namespace) -> int:
     from joshua_dataset.export import export
 
-    with _progress() as progress:
+    with progress_of_episodes() as progress:
         count = export(arguments.folder, arguments.target, arguments.to, progress)
     sys.stdout.write(f"{arguments.target}: {count} episodes\n")
     return 0
 
 
-@contextlib.contextmanager
-def _progress() -> Iterator[Callable[[int, int], None]]:
-    """Show the number of finished episodes on a terminal."""
-    shown = sys.stderr.isatty()
-
-    def show(done: int, total: int) -> None:
-        if shown:
-            sys.stderr.write(f"\r{done} of {total} episodes")
-            sys.stderr.flush()
-
-    yield show
-    if shown:
-        sys.stderr.write("\n")
-
-
-def _build(sources: Any, target: Path, arguments: argparse.Namespace) -> int:
-    from joshua_dataset.transform import build
-
-    with _workers(arguments) as workers, _progress() as progress:
-        count = build(
-            sources,
-            target,
-            table_format=arguments.format,
-            codec=arguments.codec,
-            pictures=arguments.pictures,
-            workers=workers,
-            progress=progress,
-        )
-    sys.stdout.write(f"{target}: {count} episodes\n")
-    return 0
-
-
-def _delete(arguments: argparse.Namespace) -> int:
-    from joshua_dataset.transform import delete
-
-    with _workers(arguments) as workers:
-        left = delete(arguments.folder, arguments.episodes, workers=workers)
-    sys.stdout.write(f"{arguments.folder}: {left} episodes are left\n")
-    return 0
-
-
-def positive(text: str) -> int:
-    """Parse a whole number of at least 1."""
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"{text} is less than 1")
-    return number
-
-
-def numbers(text: str) -> tuple[int, ...]:
-    """Parse episode numbers such as ``0-9,12``."""
-    found: list[int] = []
-    for part in text.split(","):
-        first, dash, last = part.strip().partition("-")
-        if not first.isdecimal() or (dash and not last.isdecimal()):
-            raise argparse.ArgumentTypeError(
-                f"{part!r} is not an episode: write numbers and ranges, such as 0-9,12"
-            )
-        found += range(int(first), int(last or first) + 1)
-    return tuple(found)
-
-
 def description(folder: Path) -> str:
     """Describe a data set as text. Raises DatasetError."""
+    from joshua.tools import describe_pointers
+
+    from joshua_dataset.changes import files_of
     from joshua_dataset.reader import Dataset
 
     found = Dataset.read(folder)
@@ -327,4 +204,7 @@ def description(folder: Path) -> str:
     if any(lost.values()):
         counts = ", ".join(f"{count} {name}" for name, count in lost.items())
         lines.append(f"  frames that lacked a value: {counts}")
+    pointers = describe_pointers(folder, files_of(folder))
+    if pointers is not None:
+        lines.append(". ".join(pointers))
     return "\n".join(lines)
