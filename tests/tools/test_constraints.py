@@ -35,6 +35,15 @@ def learning_pins() -> dict[str, Requirement]:
     return {**pins("constraints-learn.txt"), **{item.name: item for item in compiled}}
 
 
+def test_the_packages_of_models_have_the_versions_that_the_other_sessions_use():
+    ours = pins()
+    shared = {name: pin for name, pin in pins("constraints-models.txt").items() if name in ours}
+    assert shared.keys() >= {"gymnasium"}
+    assert {name: str(ours[name].specifier) for name in shared} == {
+        name: str(pin.specifier) for name, pin in shared.items()
+    }
+
+
 def test_the_session_learn_installs_the_torch_that_the_file_of_pins_names():
     noxfile = (ROOT / "noxfile.py").read_text(encoding="utf-8")
     for name in ("torch", "torchvision", "torchcodec"):

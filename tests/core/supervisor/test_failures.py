@@ -1,4 +1,7 @@
-"""Nodes that crash, hang, refuse to stop, or talk too much; each in a real child process."""
+"""Nodes that crash, hang, refuse to stop, or talk too much; each in a real child process.
+
+Why one file: one case each of the failures of a node.
+"""
 
 from __future__ import annotations
 
@@ -29,6 +32,15 @@ def test_a_missing_device_at_the_start_is_exit_4_with_its_message_and_nothing_mo
     assert "Traceback" not in "\n".join(e.text for e in robot.ui.entries if e.level >= 20)
     assert robot.ui.tables == []
     assert [node.state for node in report.nodes] == ["stopped", "failed"]
+
+
+def test_a_wrong_file_at_the_start_is_exit_2_even_beside_a_missing_device(robot, monkeypatch):
+    monkeypatch.setattr(supervisor, "START_SETTLE_S", 60.0)  # a busy machine starts them one after the other
+    report = robot.run(robot.node("NoDevice"), robot.node("WrongFile", restart="on-failure"))
+
+    assert report.exit_code == 2
+    assert "/wrongfile: model_path names arm.xml, which does not exist" in report.reason
+    assert "/dev/ttyACM7 does not answer" in report.reason
 
 
 @pytest.mark.parametrize(

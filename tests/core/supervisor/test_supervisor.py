@@ -39,6 +39,24 @@ def test_nodes_exchange_messages_and_stop_in_good_order(robot):
     assert robot.ui.reports == [report]
 
 
+def test_a_topic_that_delivered_nothing_in_a_run_of_a_given_length_fails_it(robot):
+    late = topic("/seldom", 1.0)  # of which no message was due
+    silent = robot.node("Silent", publishers=(topic("/camera/image_raw", 30.0), late, topic("/events")))
+    report = robot.run(silent, duration_s=0.5)
+
+    assert report.exit_code == 1
+    ending = "the duration of 0.5 s is over, but nothing was published on /camera/image_raw (/silent, 30 Hz)"
+    assert report.reason == ending
+    assert f"ERROR : {ending}" in robot.ui.text()
+
+
+def test_a_silent_topic_does_not_fail_a_run_that_a_user_ended(robot):
+    silent = robot.node("Silent", publishers=(topic("/camera/image_raw", 1000.0),))
+    report = robot.run_until(lambda: robot.ui.tables, silent)
+
+    assert report.exit_code == 0, report.reason
+
+
 def test_the_table_names_each_node_with_its_process_topics_and_warnings(robot):
     report = robot.run(
         robot.node("Warns", backend="python"), robot.node("Quiet", publishers=(topic("/x", 5.0),))

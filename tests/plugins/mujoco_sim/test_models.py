@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 from joshua_mujoco_sim.actuator_group import ActuatorGroup
+from joshua_mujoco_sim.cameras import OVERVIEW, camera_names, field_of_view_rad
 from joshua_mujoco_sim.catalog import PACKAGED_MODELS, find_packaged, packaged_names
 from joshua_mujoco_sim.model_file import Attachment, ModelError, load_model, model_file
 from joshua_mujoco_sim.opengl import RenderingError, choose_gl
@@ -234,10 +235,52 @@ def test_urdf_is_read_and_can_be_driven_and_seen(tmp_path) -> None:
     arm.set_command(np.array([0.5]))
     physics.step(2000)
     assert arm.position_rad == pytest.approx([0.5], abs=0.02)
-    assert model.camera("overview").id == 0
+    assert camera_names(model) == ["overview"]
     link = Attachment("arm.urdf", "second/", (1.0, 0.0, 0.0))
     together = load_model("arm.urdf", tmp_path, [link])
     assert [together.actuator(k).name for k in range(together.nu)] == ["elbow", "second/elbow"]
+
+
+BALL_FAR_AWAY = (
+    "<mujoco><asset><texture type='skybox' builtin='flat' rgb1='0 0 1' width='8' height='8'/></asset>"
+    "<worldbody>{camera}<body pos='30 -20 5'><geom size='.1' rgba='1 0 0 1'/></body></worldbody></mujoco>"
+)
+
+
+def test_the_overview_of_a_model_without_a_camera_shows_all_of_it(tmp_path) -> None:
+    (tmp_path / "ball.xml").write_text(BALL_FAR_AWAY.format(camera="<camera/>"))
+    model = load_model("ball.xml", tmp_path)
+    assert camera_names(model) == [OVERVIEW]  # the camera of the model has no name
+    assert field_of_view_rad(model, OVERVIEW) == pytest.approx(np.deg2rad(45))
+    picture = drawn(model)
+    reddish = picture[:, :, 0] > picture[:, :, 2]
+    rows, columns = np.nonzero(reddish)
+    assert 0.05 < reddish.mean() < 0.6
+    assert (rows.mean(), columns.mean()) == pytest.approx((60, 80), abs=8)
+
+
+def test_the_overview_that_a_model_has_stays_its_own(tmp_path) -> None:
+    own = "<camera name='overview' pos='30 -20 6' fovy='20'/>"
+    (tmp_path / "ball.xml").write_text(BALL_FAR_AWAY.format(camera=own))
+    model = load_model("ball.xml", tmp_path)
+    assert camera_names(model) == [OVERVIEW]
+    assert field_of_view_rad(model, OVERVIEW) == pytest.approx(np.deg2rad(20))
+
+
+def test_a_renderer_names_the_cameras_of_the_model() -> None:
+    with pytest.raises(ModelError, match="no camera named 'tap'; it has top, front, wrist, overview"):
+        CameraRenderer(load_model("so_arm100/scene.xml"), "tap", 64, 48)
+
+
+def drawn(model: mujoco.MjModel) -> np.ndarray:
+    """A picture of the overview at the start of a model."""
+    physics = Physics(model)
+    renderer = CameraRenderer(model, OVERVIEW, 160, 120)
+    try:
+        renderer.look(physics.data)
+        return renderer.draw()
+    finally:
+        renderer.close()
 
 
 def test_links_of_a_urdf_do_not_collide_with_what_they_turn_on(tmp_path) -> None:

@@ -18,7 +18,7 @@ def test_shows_a_model(capsys) -> None:
     assert main(["models", "so_arm100/scene.xml", "--format", "json"]) == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["actuators"][-1] == "gripper"
-    assert facts["cameras"] == ["top", "front", "wrist"]
+    assert facts["cameras"] == ["top", "front", "wrist", "overview"]
     assert facts["joints"][0] == {
         "name": "shoulder_pan",
         "type": "hinge",

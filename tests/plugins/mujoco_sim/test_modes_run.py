@@ -114,11 +114,29 @@ def test_an_opengl_that_cannot_draw_is_one_error_before_the_start(
     path.write_text(simulation_file())
     ended = run(path, environment={"MUJOCO_GL": value, "DISPLAY": "", "WAYLAND_DISPLAY": ""})
     text = " ".join(ended.stderr.split())
-    assert ended.returncode == 2, text
+    assert ended.returncode == 4, text
     assert problem in text
     assert remedy in text
     assert "1 error in" in text
     assert "nothing was started" in text
+
+
+def test_a_camera_that_the_model_lacks_is_an_error_of_the_file_at_every_start(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(
+        "<mujoco><worldbody><body><geom size='.1'/><joint name='hinge'/></body></worldbody>"
+        "<actuator><position name='drive' joint='hinge'/></actuator></mujoco>"
+    )
+    path = tmp_path / "robot.pbtxt"
+    text = simulation_file(arm="", camera="overviev").replace("so_arm100/scene.xml", "arm.xml")
+    path.write_text(text)
+    for options in (("--validate-only",), ("--duration", "1")):
+        ended = run(path, *options)
+        assert ended.returncode == 2, ended.stderr
+        assert "has no camera named 'overviev'" in ended.stderr
+        assert "Did you mean overview?" in ended.stderr
+    path.write_text(text.replace("overviev", "overview"))
+    ended = run(path, "--duration", "2")
+    assert ended.returncode == 0, ended.stderr
 
 
 @pytest.fixture

@@ -168,7 +168,7 @@ def test_a_model_that_is_not_there_is_noted_with_the_nearest_and_stops_a_launch(
 def test_unknown_camera_is_found(tmp_path) -> None:
     found = error(tmp_path, simulation_file(camera="tap"))
     assert found.field_path == "robot.perceptions[0].sim_camera_config.camera"
-    assert found.allowed == ("top", "front", "wrist")
+    assert found.allowed == ("top", "front", "wrist", "overview")
 
 
 def test_unknown_keyframe_is_found(tmp_path) -> None:

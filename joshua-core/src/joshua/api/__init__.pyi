@@ -17,6 +17,7 @@ from joshua.devices.diagnostics import DiagnosticStatus as DiagnosticStatus
 
 # Errors of devices
 from joshua.devices.errors import DeviceError as DeviceError
+from joshua.devices.errors import ConfigurationError as ConfigurationError
 from joshua.devices.errors import DeviceDisconnected as DeviceDisconnected
 from joshua.devices.errors import DeviceSilent as DeviceSilent
 from joshua.devices.errors import DeviceBusy as DeviceBusy

@@ -70,7 +70,7 @@ def _next_step(arguments: argparse.Namespace, source: str, code: int, ended: Seq
         return ", and the e-stop stays latched; look at the robot, then: joshua estop --release"
     if code == ExitCode.INTERRUPTED:
         return f"; to start it again: {shown_command('--config', source, options)}"
-    if code != ExitCode.OK:
+    if code not in (ExitCode.OK, ExitCode.INVALID):
         return f"; to check its devices: {shown_command('doctor', source, options)}"
     return ""
 

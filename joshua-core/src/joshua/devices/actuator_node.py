@@ -16,7 +16,7 @@ from joshua.devices.arrivals import Arrivals
 from joshua.devices.command_intake import JOINT_STATE, JOINT_TRAJECTORY, Commanders, CommandIntake
 from joshua.devices.context import ActuatorContext
 from joshua.devices.diagnostics import DiagnosticsPublisher, DiagnosticStatus
-from joshua.devices.errors import DeviceError, SafetyTripped
+from joshua.devices.errors import ConfigurationError, DeviceError, SafetyTripped
 from joshua.devices.goal import STALE_AFTER_S, GoalGenerator, GoalState, StalePolicy
 from joshua.devices.joint_command import CommandReader
 from joshua.guardian.order import BEAT_S
@@ -283,13 +283,13 @@ class ActuatorNode(NodeBehaviour):
         offered = (JOINT_STATE, *actuator.further_types)
         for topic in spec.publishers:
             if topic.type_name not in offered:
-                raise DeviceError(
+                raise ConfigurationError(
                     f"{spec.full_name} cannot publish {topic.type_name} on {topic.name}: "
                     f"{type(actuator).__name__} offers {', '.join(offered)}; set data_type: JOINT_STATE"
                 )
         for topic in spec.subscriptions:
             if topic.type_name not in (JOINT_STATE, JOINT_TRAJECTORY):
-                raise DeviceError(
+                raise ConfigurationError(
                     f"{spec.full_name} cannot follow {topic.type_name} on {topic.name}: an actuator follows "
                     "positions; set data_type: JOINT_STATE or JOINT_TRAJECTORY"
                 )

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from joshua.devices.errors import DeviceError
+from joshua.devices.errors import ConfigurationError
 from joshua.devices.goal import GoalGenerator
 from joshua.devices.joint_command import CommandReader, LeaderMapping, shown_publisher
 from joshua.node.cadence import TrafficFigures
@@ -281,7 +281,7 @@ class CommandIntake:
         self._fault = fault
 
     def subscribe(self, topic: TopicSpec, joints: Sequence[str]) -> tuple[CommandReader, TrafficFigures]:
-        """Subscribes to a topic; ``joints`` in joint order. Raises DeviceError for an unfit leader."""
+        """Subscribes to a topic; ``joints`` in joint order. Raises ConfigurationError for an unfit leader."""
         facts = self._context.spec.facts_as(ActuatorFacts)
         mappings = {
             leader.node: _mapping(self._context, facts, leader)
@@ -348,7 +348,7 @@ def _mapping(context: NodeContext, facts: ActuatorFacts, leader: Commander) -> L
     try:
         mapping = LeaderMapping(leader.joints or (), facts.joints)
     except ValueError as error:
-        raise DeviceError(f"{own_name} cannot follow {leader.node}: {error}") from error
+        raise ConfigurationError(f"{own_name} cannot follow {leader.node}: {error}") from error
     names = [(pair.leader, pair.follower) for pair in mapping.pairs]
     pairs = ", ".join(name if name == own else f"{name} → {own}" for name, own in names)
     context.log.info("follows %s: %s", leader.node, pairs)

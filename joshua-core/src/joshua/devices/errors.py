@@ -5,13 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-from joshua.node.errors import EXIT_DEVICE_REFUSED, NodeError
+from joshua.node.errors import EXIT_DEVICE_REFUSED, EXIT_FILE_WRONG, NodeError
 
 
 class DeviceError(NodeError):
     """A device is absent, refuses, or sends a wrong reply. The message names the device and the remedy."""
 
     exit_code: ClassVar[int] = EXIT_DEVICE_REFUSED
+
+
+class ConfigurationError(DeviceError):
+    """What the configuration names is absent or malformed: a model, a joint, a camera, a recording.
+
+    No device can mend that, so a restart is not tried. The message says what the file must say.
+    """
+
+    exit_code: ClassVar[int] = EXIT_FILE_WRONG
+    is_permanent = True
 
 
 class DeviceDisconnected(DeviceError):

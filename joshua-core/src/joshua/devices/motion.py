@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from joshua.devices.actuator import FloatArray, JointLimits
-from joshua.devices.errors import DeviceError
+from joshua.devices.errors import ConfigurationError
 
 
 class Motion(Protocol):
@@ -53,7 +53,7 @@ class FileMotion:
         joint_names: joints in joint order; each needs a column.
 
     Raises:
-        DeviceError: the file cannot be read, or a line is invalid. The message names file and line.
+        ConfigurationError: the file cannot be read, or a line is invalid. The message names file and line.
     """
 
     def __init__(self, path: str, joint_names: tuple[str, ...]) -> None:
@@ -61,18 +61,20 @@ class FileMotion:
             with Path(path).open(newline="", encoding="utf-8") as file:
                 rows = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if row]
         except (OSError, UnicodeDecodeError, csv.Error) as error:
-            raise DeviceError(
+            raise ConfigurationError(
                 f"motion_file {path} cannot be read: {error}; name a CSV file with the columns "
                 f"{','.join(('time_s', *joint_names))}"
             ) from error
         columns = _columns(path, rows[0][1] if rows else [], joint_names)
         samples = np.array([_sample(path, number, row, columns) for number, row in rows[1:]])
         if not len(samples):
-            raise DeviceError(f"motion_file {path} contains no sample: add lines below the column names")
+            raise ConfigurationError(
+                f"motion_file {path} contains no sample: add lines below the column names"
+            )
         backwards = np.flatnonzero(np.diff(samples[:, 0]) <= 0)
         if len(backwards):
             number = rows[int(backwards[0]) + 2][0]
-            raise DeviceError(f"motion_file {path}, line {number}: time_s does not increase")
+            raise ConfigurationError(f"motion_file {path}, line {number}: time_s does not increase")
         self._times, self._positions = samples[:, 0], samples[:, 1:]
 
     def at(self, time_s: float) -> tuple[FloatArray, FloatArray]:
@@ -91,7 +93,7 @@ def _columns(path: str, header: list[str], joint_names: tuple[str, ...]) -> list
     names = [name.strip() for name in header]
     missing = [name for name in ("time_s", *joint_names) if name not in names]
     if missing:
-        raise DeviceError(
+        raise ConfigurationError(
             f"motion_file {path}, line 1: no column {', '.join(missing)}; "
             f"found {', '.join(names) or 'nothing'}"
         )
@@ -102,9 +104,9 @@ def _sample(path: str, number: int, row: list[str], columns: list[int]) -> list[
     try:
         values = [float(row[column]) for column in columns]
     except (IndexError, ValueError) as error:
-        raise DeviceError(
+        raise ConfigurationError(
             f"motion_file {path}, line {number}: {len(columns)} numbers are needed, found {','.join(row)!r}"
         ) from error
     if not all(map(math.isfinite, values)):
-        raise DeviceError(f"motion_file {path}, line {number}: a value is not finite")
+        raise ConfigurationError(f"motion_file {path}, line {number}: a value is not finite")
     return values

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from joshua.devices.context import SensorContext
 from joshua.devices.diagnostics import DiagnosticsPublisher, DiagnosticStatus
-from joshua.devices.errors import DeviceDisconnected, DeviceError
+from joshua.devices.errors import ConfigurationError, DeviceDisconnected, DeviceError
 from joshua.devices.sensor import Reading, Sensor
 from joshua.node.behaviour import NodeBehaviour
 from joshua.node.context import NodeContext
@@ -82,7 +82,7 @@ class SensorNode(NodeBehaviour):
         )
         for topic in spec.publishers:
             if topic.type_name not in sensor.data_types:
-                raise DeviceError(
+                raise ConfigurationError(
                     f"{spec.full_name} cannot publish {topic.type_name} on {topic.name}: "
                     f"{implementation.__name__} offers {', '.join(sensor.data_types)}"
                 )

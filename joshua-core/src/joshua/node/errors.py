@@ -6,6 +6,7 @@ from typing import ClassVar
 
 #: Exit codes of the program for a node's failure.
 EXIT_NODE_FAILED = 1
+EXIT_FILE_WRONG = 2
 EXIT_PLUGIN_MISSING = 3
 EXIT_DEVICE_REFUSED = 4
 
@@ -27,7 +28,7 @@ class InterruptedLifecycleError(BaseException):
 
 
 def exit_code_of(error: BaseException) -> int:
-    """The exit code of a failure: 3 for a missing module, 4 for an absent device, else 1."""
+    """The exit code of a failure: 2 for a wrong file, 3 for a missing module, 4 for a device, else 1."""
     code = getattr(error, "exit_code", None)
     if isinstance(code, int):
         return code

@@ -6,6 +6,9 @@ from collections.abc import Iterable
 
 from pydantic import BaseModel, ConfigDict
 
+#: A topic on which nothing was published is silent from this number of due messages on.
+SILENT_MESSAGES = 3
+
 
 class Value(BaseModel):
     """A value of the plan or of a report: immutable, JSON."""
@@ -91,6 +94,15 @@ class NodeReport(Value):
     warnings: tuple[str, ...] = ()
     traces: tuple[JointTrace, ...] = ()
 
+    def silent_topics(self, length_s: float) -> list[TopicReport]:
+        """List the topics on which nothing was published although their rate made messages due.
+
+        Args:
+            length_s: time that the node had to publish, s.
+        """
+        silent = [topic for topic in self.topics if topic.is_publisher and not topic.count]
+        return [topic for topic in silent if topic.configured_hz * length_s >= SILENT_MESSAGES]
+
     @property
     def restarted(self) -> str:
         """Number and reason of restarts, such as ``restarted once: it hung``; "" if never."""
@@ -104,7 +116,7 @@ class RunReport(Value):
     """A whole run.
 
     Attributes:
-        exit_code: of the contract (0, 1, 3, 4, 130).
+        exit_code: of the contract (0, 1, 2, 3, 4, 130).
         reason: why the run ended, one sentence.
         interrupted: whether a signal or ``joshua stop`` ended it, and it shut down cleanly.
         judged: whether a table of checks follows, which may change an exit code of 0.

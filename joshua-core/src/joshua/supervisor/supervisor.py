@@ -58,8 +58,13 @@ _LINK_BYTES = len(f"/{LINK_FOLDER}/01234567/01234567.sock")
 
 EXIT_OK = 0
 EXIT_FAILED = 1
+EXIT_INVALID = 2
+EXIT_NOT_INSTALLED = 3
 EXIT_HARDWARE = 4
 EXIT_INTERRUPTED = 130
+
+#: Exit codes of failed starts in the order of their correction: first the file, then what is to be installed.
+_CORRECTIONS = (EXIT_INVALID, EXIT_NOT_INSTALLED, EXIT_HARDWARE)
 
 #: Time that the other nodes go on after a failure at the start, so that one run reports every missing device.
 START_SETTLE_S = 0.5
@@ -106,6 +111,7 @@ class Supervisor:
         self._phase = Phase.STARTING
         self._reason = ""
         self._exit_code = EXIT_OK
+        self._completed_s = 0.0
         self._interrupted = False
         self._began_s = 0.0
         self._ready_s: float | None = None
@@ -308,8 +314,12 @@ class Supervisor:
             self._show_table(self._ready_s)
             duration_s = self._options.duration_s or self._plan.duration_s
             if duration_s is not None:
-                text = f"the duration of {duration_s:g} s is over"
-                self._reactor.call_later(duration_s, lambda: self._stop(text, EXIT_OK))
+                self._reactor.call_later(duration_s, partial(self._end_duration, duration_s))
+
+    def _end_duration(self, duration_s: float) -> None:
+        if self._phase is Phase.RUNNING:
+            self._completed_s = duration_s
+        self._stop(f"the duration of {duration_s:g} s is over", EXIT_OK)
 
     # Failures.
 
@@ -348,7 +358,9 @@ class Supervisor:
             for record in failed:
                 names.setdefault(record.reason.rstrip("."), []).append(record.spec.full_name)
             reasons = "; ".join(f"{', '.join(group)}: {reason}" for reason, group in names.items())
-            self._stop(f"the start failed: {reasons}", failed[0].exit_code)
+            codes = [record.exit_code for record in failed]
+            first = next((code for code in _CORRECTIONS if code in codes), codes[0])
+            self._stop(f"the start failed: {reasons}", first)
 
     def _restart_or_give_up(self, process: ManagedProcess) -> None:
         decision = process.policy.failed(self._reactor.now_s())
@@ -450,12 +462,34 @@ class Supervisor:
     def _records(self) -> list[NodeRecord]:
         return [record for process in self._processes for record in process.records.values()]
 
+    def _silent_topics(self) -> list[str]:
+        """Describe the topics of the file on which a run of a given duration delivered nothing.
+
+        A node that was restarted is left out: it had less time, and its failure is reported.
+        """
+        found = []
+        for record in self._records():
+            report = record.final_report()
+            if report.restarts or report.state != "stopped":
+                continue
+            declared = {topic.name for topic in record.spec.publishers}
+            found += [
+                f"{topic.name} ({report.full_name}, {topic.configured_hz:g} Hz)"
+                for topic in report.silent_topics(self._completed_s)
+                if topic.name in declared
+            ]
+        return found
+
     def _report(self) -> RunReport:
         records = self._records()
         # The reason of a failure is kept until the node is active again.
         bad = any(record.fault or record.reason or record.state in ("failed", "killed") for record in records)
         if self._exit_code == EXIT_OK and bad:
             self._exit_code = EXIT_FAILED
+        if silent := self._silent_topics():
+            self._reason += f", but nothing was published on {', '.join(silent)}"
+            self._exit_code = self._exit_code or EXIT_FAILED
+            self._logbook.write(logging.ERROR, self._reason)
         stop_s = None if self._stop_began_s is None else time.monotonic() - self._stop_began_s
         return RunReport(
             exit_code=self._exit_code,

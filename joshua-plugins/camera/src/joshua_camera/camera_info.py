@@ -6,7 +6,7 @@ import math
 from typing import Annotated, Any
 
 import numpy as np
-from joshua.api import DeviceError
+from joshua.api import ConfigurationError
 from joshua.messages import message_class
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
@@ -76,7 +76,7 @@ def load_intrinsics(path: str, width: int, height: int) -> Intrinsics:
     """Read a calibration for pictures of a size.
 
     Raises:
-        DeviceError: the file cannot be read, is not a calibration, or is for another size.
+        ConfigurationError: the file cannot be read, is not a calibration, or is for another size.
     """
     content = _read(path)
     try:
@@ -84,11 +84,11 @@ def load_intrinsics(path: str, width: int, height: int) -> Intrinsics:
     except ValidationError as error:
         details = error.errors()[:3]
         problems = "; ".join(f"{'.'.join(map(str, d['loc'])) or 'content'}: {d['msg']}" for d in details)
-        raise DeviceError(
+        raise ConfigurationError(
             f"{path} is not a camera calibration ({problems}): intrinsics_file names {_FILE}"
         ) from error
     if (file.image_width, file.image_height) != (width, height):
-        raise DeviceError(
+        raise ConfigurationError(
             f"{path} was calibrated at {file.image_width} × {file.image_height}, and the camera runs at "
             f"{width} × {height}: set that size, or calibrate at this one"
         )
@@ -136,21 +136,23 @@ def _read(path: str) -> Any:
             text = stream.read(_MAX_BYTES + 1)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise DeviceError(f"{path} cannot be read ({reason}): correct intrinsics_file") from error
+        raise ConfigurationError(f"{path} cannot be read ({reason}): correct intrinsics_file") from error
     except UnicodeDecodeError as error:
-        raise DeviceError(f"{path} is not a text file: intrinsics_file names {_FILE}") from error
+        raise ConfigurationError(f"{path} is not a text file: intrinsics_file names {_FILE}") from error
     if len(text) > _MAX_BYTES:
-        raise DeviceError(f"{path} is too large for a calibration: intrinsics_file names {_FILE}")
+        raise ConfigurationError(f"{path} is too large for a calibration: intrinsics_file names {_FILE}")
     try:
         return YAML(typ="safe", pure=True).load(text)
     except (YAMLError, RecursionError, ValueError) as error:
         text = " ".join(str(error).split())[:200]
-        raise DeviceError(f"{path} is not valid YAML ({text}): intrinsics_file names {_FILE}") from error
+        raise ConfigurationError(
+            f"{path} is not valid YAML ({text}): intrinsics_file names {_FILE}"
+        ) from error
 
 
 def _sized(path: str, name: str, matrix: _Matrix, rows: int, columns: int) -> tuple[float, ...]:
     if (matrix.rows, matrix.cols) != (rows, columns) or len(matrix.data) != rows * columns:
-        raise DeviceError(
+        raise ConfigurationError(
             f"{path}: {name} has {matrix.rows} × {matrix.cols} with {len(matrix.data)} numbers, and takes "
             f"{rows} × {columns}: create the calibration again"
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from joshua.api import Actuator, ActuatorContext, DeviceError, FloatArray, JointReading
+from joshua.api import Actuator, ActuatorContext, ConfigurationError, DeviceError, FloatArray, JointReading
 from joshua.api.motions import FileMotion, Motion, SineMotion
 
 from joshua_mujoco_sim.actuator_group import ActuatorGroup
@@ -59,23 +59,22 @@ class SimActuator(Actuator):
         return self._world is not None
 
     def connect(self) -> None:
-        """Join the simulation of this process with torque off. Raises DeviceError."""
+        """Join the simulation with torque off. Raises DeviceError, ConfigurationError for a wrong model."""
         if self.connected:
             raise DeviceError("SimActuator.connect: the device is already open")
         simulation = self.context.facts.simulation
         if not simulation:
-            raise DeviceError("SimActuator.connect: the configuration has no simulation block: add one")
+            raise ConfigurationError(
+                "SimActuator.connect: the configuration has no simulation block: add one"
+            )
         motion = self._make_motion()
-        try:
-            world = shared_world(SimulationSettings.model_validate(simulation).world())
-        except ModelError as error:
-            raise DeviceError(str(error)) from error
+        world = shared_world(SimulationSettings.model_validate(simulation).world())
         try:
             with world.lock:
                 self._join(world, motion)
-        except ModelError as error:
+        except ModelError:
             leave_world(world)
-            raise DeviceError(str(error)) from error
+            raise
         world.start()
 
     def read(self) -> JointReading:

@@ -77,10 +77,8 @@ class SimCalibrationTarget(CalibrationTarget):
         if self.connected:
             return
         settings = SimulationSettings.model_validate(self._simulation).world()
-        try:  # in real time for the user, independent of the run's factor
-            world = shared_world(replace(settings, real_time_factor=1.0))
-        except ModelError as error:
-            raise DeviceError(str(error)) from error
+        # in real time for the user, independent of the run's factor
+        world = shared_world(replace(settings, real_time_factor=1.0))
         try:
             with world.lock:
                 physics = world.physics
@@ -89,9 +87,9 @@ class SimCalibrationTarget(CalibrationTarget):
                 self._group = physics.group(names)
                 self._hand = Hand(physics, self._group)
                 self._unhook = world.before_step(self._move)
-        except ModelError as error:
+        except ModelError:
             leave_world(world)
-            raise DeviceError(str(error)) from error
+            raise
         self._world = world
         world.start()
 

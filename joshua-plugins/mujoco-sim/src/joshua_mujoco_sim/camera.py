@@ -8,12 +8,12 @@ import threading
 from typing import Any
 
 import numpy as np
-from joshua.api import DeviceError, Reading, Sensor, SensorContext
+from joshua.api import ConfigurationError, DeviceError, Reading, Sensor, SensorContext
 from joshua.messages import message_class
 from joshua.messages.make import header, image
 from PIL import Image
 
-from joshua_mujoco_sim.model_file import ModelError
+from joshua_mujoco_sim.cameras import field_of_view_rad
 from joshua_mujoco_sim.physics import Physics
 from joshua_mujoco_sim.rendering import CameraRenderer
 from joshua_mujoco_sim.settings import SimCameraSettings, SimulationSettings
@@ -53,7 +53,7 @@ class SimCamera(Sensor):
         self._renderer: CameraRenderer | None = None
         self._taken = (0, 0)
         self._drawing = self._late = False
-        self._error = ""
+        self._error: DeviceError | None = None
         self._due_at = 0
         self._frame = 0
         self._last_time_s = 0.0
@@ -71,28 +71,27 @@ class SimCamera(Sensor):
         return self._world is not None
 
     def connect(self) -> None:
-        """Join the simulation of this process. Raises DeviceError."""
+        """Join the simulation of this process. Raises DeviceError, ConfigurationError for a wrong model."""
         if self.connected:
             raise DeviceError("SimCamera.connect: the device is already open")
         simulation = self.context.facts.simulation
         if not simulation:
-            raise DeviceError("SimCamera.connect: the configuration has no simulation block: add one")
-        try:
-            world = shared_world(SimulationSettings.model_validate(simulation).world())
-        except ModelError as error:
-            raise DeviceError(str(error)) from error
+            raise ConfigurationError("SimCamera.connect: the configuration has no simulation block: add one")
+        world = shared_world(SimulationSettings.model_validate(simulation).world())
         with world.lock:
             self._last_time_s = world.physics.time_s
             self._due_at = self._due_from(self._last_time_s)
-        self._world, self._frame, self._newest, self._error = world, 0, None, ""
+        self._world, self._frame, self._newest, self._error = world, 0, None, None
         self._renderer, self._drawing, self._late = None, False, False
         self._leaving.clear()
         self._thread = threading.Thread(target=self._draw_all, args=(world,), name="render", daemon=True)
         self._thread.start()
         self._ready.wait()
-        if self._error:
+        try:
+            self._check_drawing()
+        except DeviceError:
             self.disconnect()
-            raise DeviceError(self._error)
+            raise
         self._unhook = world.after_step(self._watch)
         world.start()
 
@@ -100,8 +99,9 @@ class SimCamera(Sensor):
         """Wait for the next frame; None if none arrives in time. Raises DeviceError."""
         self.require_connected("read")
         assert self._world is not None
-        if failure := self._world.failure or self._error:
-            raise DeviceError(failure)
+        if self._world.failure:
+            raise DeviceError(self._world.failure)
+        self._check_drawing()
         with self._drawn:
             self._drawn.wait_for(lambda: self._newest is not None, timeout_s)
             reading, self._newest = self._newest, None
@@ -135,6 +135,11 @@ class SimCamera(Sensor):
         self._due.clear()
         leave_world(world)
 
+    def _check_drawing(self) -> None:
+        """Raise what has stopped the drawing thread."""
+        if self._error is not None:
+            raise self._error
+
     def _draw_all(self, world: World) -> None:
         """Draw each due frame on a dedicated thread, because an OpenGL context belongs to one thread."""
         size = self.settings
@@ -142,8 +147,12 @@ class SimCamera(Sensor):
             renderer = CameraRenderer(
                 world.physics.model, size.camera, size.width, size.height, shadows=world.settings.shadows
             )
+        except ConfigurationError as error:
+            self._error = error
+            self._ready.set()
+            return
         except Exception as error:  # noqa: BLE001 (connect waits for the renderer, whatever stops it)
-            self._error = str(error)
+            self._error = DeviceError(str(error))
             self._ready.set()
             return
         self._renderer = renderer
@@ -161,6 +170,8 @@ class SimCamera(Sensor):
                 with self._drawn:
                     self._newest = reading
                     self._drawn.notify()
+        except Exception as error:  # noqa: BLE001 (read says what stopped the pictures)
+            self._error = DeviceError(f"the camera {size.camera} cannot be drawn: {error}")
         finally:
             renderer.close()
 
@@ -192,7 +203,7 @@ class SimCamera(Sensor):
     def _camera_info(self, reading: Reading, frame_id: str) -> Any:
         assert self._world is not None
         width, height = self.settings.width, self.settings.height
-        field_rad = np.deg2rad(float(self._world.physics.model.camera(self.settings.camera).fovy[0]))
+        field_rad = field_of_view_rad(self._world.physics.model, self.settings.camera)
         focal = height / 2 / np.tan(field_rad / 2)
         camera = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]], np.float64)
         return message_class(CAMERA_INFO)(

@@ -129,11 +129,6 @@ class CouplingServer:
         if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
             raise ValueError(f"{width} × {height} is no size of a picture; allowed: up to {MAX_SIDE} a side")
         model = self._world.physics.model
-        known = [model.camera(number).name for number in range(model.ncam)]
-        if hello["camera"] not in known:
-            raise ModelError(
-                f"the model has no camera named {hello['camera']!r}; it has {', '.join(known) or 'none'}"
-            )
         with self._opening:  # each enlarges the model's buffers; time continues
             return CameraRenderer(model, hello["camera"], width, height, shadows=self._world.settings.shadows)
 

@@ -103,7 +103,7 @@ def model_facts(model_path: str, folder: str, attached: tuple[AttachedModel, ...
     try:
         check_variable()
     except RenderingError as error:
-        raise FieldError("", error.problem, remedy=error.remedy) from error
+        raise FieldError("", error.problem, remedy=error.remedy, code="machine-unfit") from error
     from joshua_mujoco_sim.drivable import drivables
     from joshua_mujoco_sim.model_file import ModelError, load_model
     from joshua_mujoco_sim.summary import summarise

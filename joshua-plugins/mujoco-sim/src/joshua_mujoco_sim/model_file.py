@@ -10,13 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
+from joshua.api import ConfigurationError
 from joshua.tools import describe_pointers
 
 from joshua_mujoco_sim.catalog import find_packaged, similar_names
 from joshua_mujoco_sim.urdf import is_urdf, read_urdf
 
 
-class ModelError(Exception):
+class ModelError(ConfigurationError):
     """A model cannot be found, read or compiled. The message gives place, reason and remedy."""
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joshua.api import DeviceError, NodeContext, Simulator
+from joshua.api import ConfigurationError, DeviceError, NodeContext, Simulator
 from joshua.api.nodes import MessagePublisher, TopicSpec
 from joshua.features import EpisodeError
 from joshua.messages.make import joint_state
@@ -19,14 +19,12 @@ from joshua_mujoco_sim.controls import Controls
 from joshua_mujoco_sim.coupling import CouplingServer
 from joshua_mujoco_sim.episodes import EpisodeMaker
 from joshua_mujoco_sim.following import Commands, Mirror
-from joshua_mujoco_sim.model_file import ModelError
 from joshua_mujoco_sim.opengl import RenderingError
 from joshua_mujoco_sim.render_files import RenderFile
 from joshua_mujoco_sim.replay import Replay
 from joshua_mujoco_sim.settings import SimulationSettings
 from joshua_mujoco_sim.settings_parts import DatasetSettings
 from joshua_mujoco_sim.trajectories.reading import read_trajectories
-from joshua_mujoco_sim.trajectories.trajectory import TrajectoryError
 from joshua_mujoco_sim.window import SHOW_RATE_HZ, Window, WindowError
 from joshua_mujoco_sim.world import World, leave_world, shared_world
 
@@ -66,16 +64,13 @@ class SimulatorNode(Simulator):
         self._reported = 0
 
     def configure(self) -> None:
-        """Load the model and declare the topics. Raises DeviceError."""
+        """Load the model and declare the topics. Raises DeviceError, ConfigurationError for a wrong file."""
         spec = self.context.spec
         settings = SimulationSettings.model_validate(spec.settings)
-        try:
-            world = shared_world(settings.world())
-            self._settings, self._world = settings, world
-            with world.lock:
-                self._group = world.physics.group(())
-        except ModelError as error:
-            raise DeviceError(str(error)) from error
+        world = shared_world(settings.world())
+        self._settings, self._world = settings, world
+        with world.lock:
+            self._group = world.physics.group(())
         self._publisher = self.context.publisher(
             TopicSpec(name="~/joint_states", type_name=JOINT_STATE, rate_hz=settings.joint_state_rate_hz)
         )
@@ -182,14 +177,11 @@ class SimulatorNode(Simulator):
 
     def _read_recording(self, world: World, settings: SimulationSettings) -> Replay:
         if not settings.trajectory_path:
-            raise DeviceError("PASSIVE replays a recording: name it in simulation.trajectory_path")
-        try:
-            recordings = read_trajectories(
-                Path(settings.trajectory_path), settings.episodes, settings.trajectory_unit
-            )
-            return Replay(world.physics, recordings, settings.replay_speed)
-        except TrajectoryError as error:
-            raise DeviceError(str(error)) from error
+            raise ConfigurationError("PASSIVE replays a recording: name it in simulation.trajectory_path")
+        recordings = read_trajectories(
+            Path(settings.trajectory_path), settings.episodes, settings.trajectory_unit
+        )
+        return Replay(world.physics, recordings, settings.replay_speed)
 
     def _open_renderers(self, world: World) -> None:
         parts: list[RenderFile | EpisodeMaker] = [*self._files]
@@ -209,7 +201,7 @@ class SimulatorNode(Simulator):
             recordings = read_trajectories(Path(path), unit=unit) if path else []
             with world.lock:
                 return EpisodeMaker(world, made, recordings, self.context.log)
-        except (ModelError, TrajectoryError, EpisodeError, TargetError) as error:
+        except (EpisodeError, TargetError) as error:
             raise DeviceError(str(error)) from error
 
     def _advance_replay(self) -> None:

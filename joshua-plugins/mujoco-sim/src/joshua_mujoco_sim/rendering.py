@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from joshua_mujoco_sim.cameras import view
 from joshua_mujoco_sim.opengl import LIBRARIES, RenderingError, choose_gl
 
 Picture = npt.NDArray[np.uint8]
@@ -72,11 +73,11 @@ class CameraRenderer:
 
     Args:
         model: the compiled model.
-        camera: name of its camera; width, height: of the picture in pixels.
+        camera: one of its ``camera_names``; width, height: of the picture in pixels.
         shadows: render them; they take two thirds of the time of a small picture.
 
     Raises:
-        RenderingError: OpenGL is not usable.
+        ModelError: the model has no such camera; RenderingError: OpenGL is not usable.
     """
 
     def __init__(
@@ -87,9 +88,7 @@ class CameraRenderer:
             visual.offwidth, visual.offheight = max(visual.offwidth, width), max(visual.offheight, height)
             self._model = model
             self._gl = _open_context(width, height)
-            self._camera = mujoco.MjvCamera()
-            self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
-            self._camera.fixedcamid = model.camera(camera).id
+            self._camera = view(model, camera)
             self._scene = mujoco.MjvScene(model, maxgeom=MAX_GEOMS)
             self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
             self._option = mujoco.MjvOption()

@@ -352,7 +352,7 @@ class SimCameraSettings(BlockSettings):
 
     @model_validator(mode="after")
     def _check(self) -> SimCameraSettings:
-        if self.cameras:
+        if self.cameras:  # known where the file has a simulation, which adds one to every model
             known_name("camera", "camera", self.camera, self.cameras)
         if self.launching:
             require_pictures("camera")

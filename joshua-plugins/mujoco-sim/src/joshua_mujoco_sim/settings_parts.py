@@ -147,7 +147,7 @@ def require_pictures(field: str) -> None:
     try:
         choose_gl()
     except RenderingError as error:
-        raise FieldError(field, error.problem, remedy=error.remedy) from error
+        raise FieldError(field, error.problem, remedy=error.remedy, code="machine-unfit") from error
 
 
 def check_recording(path: str, episodes: Sequence[int], unit: str, facts: ModelFacts) -> None:

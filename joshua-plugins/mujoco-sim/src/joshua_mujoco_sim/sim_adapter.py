@@ -139,11 +139,6 @@ def _replace_arm(device: RealDevice, actuators: Sequence[str]) -> None:
 
 def _camera(device: RealDevice, cameras: Sequence[str]) -> str:
     """Return the camera of the model whose name is a word of the node's name, else the first."""
-    if not cameras:
-        raise SimAdapterError(
-            f"{device.node_name}: the model has no camera: name another in simulation.model_path, "
-            "such as so_arm100/scene.xml"
-        )
     words = device.node_name.split("_")
     return next((name for name in cameras if name in words), cameras[0])
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import mujoco
 
+from joshua_mujoco_sim.cameras import camera_names
 from joshua_mujoco_sim.drivable import drivables
 
 _TYPES = {
@@ -44,6 +45,6 @@ def summarise(model: mujoco.MjModel) -> dict[str, Any]:
             for joint in found.joints
         ],
         "not_drivable": [{"name": one.actuator, "reason": one.reason} for one in found.refusals],
-        "cameras": [model.camera(index).name for index in range(model.ncam)],
+        "cameras": camera_names(model),
         "keyframes": [model.key(index).name for index in range(model.nkey)],
     }

@@ -1,4 +1,4 @@
-"""URDF import that adds what a simulation needs: joint drives, a camera, a light and a sky."""
+"""URDF import that adds what a simulation needs: joint drives, a light and a sky."""
 
 from __future__ import annotations
 
@@ -6,9 +6,6 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-
-#: Camera with a view of the whole model.
-OVERVIEW = "overview"
 
 #: Stiffness of a drive without an effort limit, as natural frequency of the joint.
 FREQUENCY_RAD_S = 30.0
@@ -31,7 +28,7 @@ def is_urdf(path: Path) -> bool:
 
 
 def read_urdf(path: Path) -> mujoco.MjSpec:
-    """Read a URDF file and add a position drive for each joint, named after it, a light and a camera.
+    """Read a URDF file and add a position drive for each joint, named after it, and a light.
 
     Args:
         path: of the file.
@@ -46,8 +43,6 @@ def read_urdf(path: Path) -> mujoco.MjSpec:
     if not spec.actuators:
         _add_drives(spec, model)
     _exclude_neighbours(spec)
-    if not spec.cameras:
-        _add_camera(spec, model)
     if not spec.lights:
         spec.worldbody.add_light(
             pos=[*model.stat.center[:2], model.stat.center[2] + 3.0 * model.stat.extent],
@@ -109,21 +104,4 @@ def _add_sky(spec: mujoco.MjSpec) -> None:
         rgb2=[0.90, 0.93, 0.96],
         width=64,
         height=384,
-    )
-
-
-def _add_camera(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
-    """Aim the camera at the centre of the model, from the front, slightly above and to the side."""
-    back = np.array([1.0, -1.0, 0.7])
-    back /= np.linalg.norm(back)
-    right = np.cross([0.0, 0.0, 1.0], back)
-    right /= np.linalg.norm(right)
-    up = np.cross(back, right)
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, np.column_stack([right, up, back]).reshape(-1))
-    spec.worldbody.add_camera(
-        name=OVERVIEW,
-        pos=list(model.stat.center + 1.7 * model.stat.extent * back),
-        quat=list(quaternion),
-        fovy=45,
     )

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from joshua.api import DeviceError, DiagnosticStatus, NodeContext
+from joshua.api import ConfigurationError, DiagnosticStatus, NodeContext
 from joshua.api.nodes import DiagnosticsPublisher, MessagePublisher, NodeBehaviour, SensorFacts
 from joshua.messages.make import joint_state
 from joshua.tools import nearest_first
@@ -56,7 +56,7 @@ class InputNode(NodeBehaviour):
     def set_up(
         self, settings: InputSettings, gate: Gate, shape: Callable[[float], float], release: str
     ) -> None:
-        """Declare topics and prepare the drive. Raises DeviceError."""
+        """Declare topics and prepare the drive. Raises ConfigurationError."""
         spec = self.context.spec
         known = spec.facts_as(SensorFacts).joints
         self._refuse_unknown_joints(settings, [joint.name for joint in known])
@@ -66,7 +66,9 @@ class InputNode(NodeBehaviour):
         self._drive = Drive(
             settings.controls, gate, Jog(joints, limits_of(known), 1.0 / rate_hz), shape, release
         )
-        self._commands = [self.context.publisher(topic) for topic in topics]
+        # Without a rate, because they are silent while driving is off.
+        unpaced = [topic.model_copy(update={"rate_hz": 0.0}) for topic in topics]
+        self._commands = [self.context.publisher(topic) for topic in unpaced]
         self._joys = [self.context.publisher(topic) for topic in spec.publishers if topic.type_name == JOY]
         if joints:
             for topic in spec.subscriptions:
@@ -153,7 +155,7 @@ class InputNode(NodeBehaviour):
     def _refuse_unknown_joints(self, settings: InputSettings, known: list[str]) -> None:
         for control in settings.controls:
             if known and settings.drives and control.joint not in known:
-                raise DeviceError(
+                raise ConfigurationError(
                     f"{self.context.spec.full_name}: no joint is named {control.joint!r}; the actuator has "
                     f"{', '.join(nearest_first(control.joint, known))}: correct joint in controls"
                 )

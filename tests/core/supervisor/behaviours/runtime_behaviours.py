@@ -1,4 +1,7 @@
-"""Node behaviours that tests run in real child processes."""
+"""Node behaviours that tests run in real child processes.
+
+Why one file: a list of small behaviours, which child processes import by one name.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from joshua.devices.errors import DeviceError
+from joshua.devices.errors import ConfigurationError, DeviceError
 from joshua.node.behaviour import NodeBehaviour
 from joshua.node.errors import NodeError
 from joshua.plan import TopicSpec
@@ -132,6 +135,23 @@ class NoDevice(Quiet):
     def configure(self) -> None:
         super().configure()
         raise DeviceError("the arm on /dev/ttyACM7 does not answer: plug it in or correct comm.serial.port")
+
+
+class WrongFile(Quiet):
+    """Is configured with a file that does not exist."""
+
+    def configure(self) -> None:
+        super().configure()
+        raise ConfigurationError("model_path names arm.xml, which does not exist: correct it")
+
+
+class Silent(Quiet):
+    """Declares its topics and publishes nothing."""
+
+    def configure(self) -> None:
+        super().configure()
+        for topic in self.context.spec.publishers:
+            self.context.publisher(topic)
 
 
 class Unplugged(Quiet):

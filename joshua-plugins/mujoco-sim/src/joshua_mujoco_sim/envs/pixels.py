@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from gymnasium import spaces
 
+from joshua_mujoco_sim.cameras import camera_names
 from joshua_mujoco_sim.envs.state import State
 from joshua_mujoco_sim.envs.terms import Evaluator
 from joshua_mujoco_sim.rendering import CameraRenderer
@@ -47,7 +48,7 @@ class Observer:
         if mode not in OBSERVATION_MODES:
             raise ValueError(f"observation_mode {mode!r} is unknown: choose {', '.join(OBSERVATION_MODES)}")
         model = state.model
-        known = [model.camera(index).name for index in range(model.ncam)]
+        known = camera_names(model)
         for camera in cameras:
             if camera not in known:
                 raise ValueError(f"the model has no camera {camera!r}: choose {', '.join(known)}")

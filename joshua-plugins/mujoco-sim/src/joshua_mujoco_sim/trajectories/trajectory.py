@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
+from joshua.api import ConfigurationError
 from joshua.features import CalibratedJoint, JointUnits, Unit
 from joshua.features.feature_set import LEROBOT_SUFFIX
 from joshua.features.joint_units import is_gripper
@@ -26,12 +28,14 @@ LARGEST_NORMALISED = 101.0
 LONGEST_LINE = 1 << 20
 
 
-class TrajectoryError(Exception):
+class TrajectoryError(ConfigurationError):
     """A recording cannot be read or does not fit the model. The message gives place, reason and remedy."""
 
 
 class MissingExtraError(TrajectoryError):
     """A recording cannot be read because a library is not installed. The message names it."""
+
+    exit_code: ClassVar[int] = 3
 
 
 class Budget:
