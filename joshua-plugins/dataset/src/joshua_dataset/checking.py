@@ -23,6 +23,7 @@ from joshua_dataset.checks.one_episode import Found, Job, check_episode
 from joshua_dataset.checks.problem import Kind, Problem, computing, repairing
 from joshua_dataset.checks.rows import Rows
 from joshua_dataset.checks.videos import VideoFile, Videos
+from joshua_dataset.output import counted
 from joshua_dataset.reader import Episode
 
 #: Beginnings of the kinds whose repair changes no row.
@@ -44,10 +45,10 @@ class Looked:
     pictures: int = 0
 
     def __str__(self) -> str:
-        seen = [f"{self.episodes} episodes", f"{self.rows} rows"]
+        seen = [counted(self.episodes, "episode"), counted(self.rows, "row")]
         if self.videos:
-            seen.append(f"the headers of {self.videos} videos")
-        pictures = f"{self.pictures} pictures" if self.pictures else "no pictures"
+            seen.append(f"the headers of {counted(self.videos, 'video')}")
+        pictures = counted(self.pictures, "picture") if self.pictures else "no pictures"
         return f"{', '.join(seen)} and {pictures} were read"
 
 

@@ -1,4 +1,4 @@
-"""Write tables, lines and values in the formats of a data set."""
+"""Write tables, lines and values in the formats of a data set, and numbers in sentences."""
 
 from __future__ import annotations
 
@@ -37,3 +37,8 @@ def write_lines(path: Path, records: Iterable[Mapping[str, Any]]) -> None:
 def write_json(path: Path, value: Any) -> None:
     """Write a value as JSON. Raises OSError; ValueError for a number that JSON has not."""
     path.write_text(json.dumps(value, indent=4, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun: "1 error", "2 errors"."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

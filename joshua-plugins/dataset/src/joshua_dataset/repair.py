@@ -26,6 +26,7 @@ from joshua_dataset.mcap_writer import McapWriter
 from joshua_dataset.mending.mend import damage_of, mend
 from joshua_dataset.metadata import INFO, OURS, check_layout
 from joshua_dataset.open_episode import SUFFIXES
+from joshua_dataset.output import counted
 from joshua_dataset.pictures import ENCODERS
 from joshua_dataset.reader import NUMBER_TYPES, Dataset, DatasetError
 from joshua_dataset.writer import DatasetWriter
@@ -98,7 +99,7 @@ def repair(
         had_journal = open_episode.read_journal(folder) is not None
         said = ["an interrupted change is completed"] if changes.recover(folder, files) else []
         problems: list[Problem] | None = None
-        counted = 0
+        episodes = 0
         hopeless = ""
         looked = Looked()
         if (folder / INFO).exists():
@@ -106,8 +107,8 @@ def repair(
             problems = _problems(folder, workers, looked)
             damage = damage_of(problems)
             if damage:
-                counted = _counted(folder)
-                said += [f"check found {len(damage)} problems:", *map(str, damage)]
+                episodes = _counted(folder)
+                said += [f"check found {counted(len(damage), 'problem')}:", *map(str, damage)]
                 try:
                     done = mend(folder, task, files, workers)
                 except EpisodeError as error:
@@ -119,7 +120,7 @@ def repair(
         if hopeless and not has_journal:
             raise EpisodeError("\n".join([*said, hopeless]))
         if has_journal or problems is None:
-            said.append(_finished(folder, lock, cut, files, counted).text)
+            said.append(_finished(folder, lock, cut, files, episodes).text)
             looked = Looked()
             problems = _problems(folder, workers, looked) if (folder / INFO).exists() else None
         elif had_journal:
@@ -156,15 +157,13 @@ def _counted(folder: Path) -> int:
 
 def _verdict(folder: Path, left: Sequence[Problem], looked: Looked) -> str:
     """Return the last line: what was found now, and where it was looked for."""
-    count = Dataset.read(folder).episodes
+    kept = counted(Dataset.read(folder).episodes, "episode")
     if not left:
-        return (
-            f"{folder} is complete: {count} episodes. `joshua dataset check` finds nothing serious: {looked}"
-        )
+        return f"{folder} is complete: {kept}. `joshua dataset check` finds nothing serious: {looked}"
     found = f"{left[0]}" + (f", and {len(left) - 1} more" if len(left) > 1 else "")
     numbers = ",".join(map(str, sorted({problem.episode for problem in left})))
     return (
-        f"{folder} has {count} episodes. `joshua dataset check` finds what no repair mends: {found}; "
+        f"{folder} has {kept}. `joshua dataset check` finds what no repair mends: {found}; "
         f"{looked}. "
         f"Run `joshua dataset view {folder}` to look at it, or `joshua dataset delete {folder} --episodes "
         f"{numbers}` to remove it"
@@ -212,11 +211,11 @@ def _locked(folder: Path) -> Iterator[WriterLock]:
         lock.release()
 
 
-def _finished(folder: Path, lock: WriterLock, cut: bool, files: Files, counted: int = 0) -> Repaired:
+def _finished(folder: Path, lock: WriterLock, cut: bool, files: Files, known: int = 0) -> Repaired:
     """Complete or discard the unfinished episode of a data set whose lock is held.
 
     Args:
-        counted: episodes that the data set had before it was mended.
+        known: episodes that the data set had before it was mended.
     """
     journal = open_episode.read_journal(folder)
     try:
@@ -230,10 +229,10 @@ def _finished(folder: Path, lock: WriterLock, cut: bool, files: Files, counted: 
     if journal is None:
         return Repaired(f"no episode of {folder} is unfinished: it has {writer.episodes}")
     number = journal.get("episode_index", -1)
-    if 0 <= number < writer.episodes and writer.episodes >= counted:
+    if 0 <= number < writer.episodes and writer.episodes >= known:
         open_episode.remove(folder)
         return Repaired(f"episode {number} was complete; its leftovers are removed")
-    if 0 <= number < counted and not cut:
+    if 0 <= number < known and not cut:
         return _moved_aside(folder, journal, "the damaged data set had counted it", files)
     if cut:
         open_episode.remove(folder)

@@ -102,6 +102,7 @@ def _repair(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace) -> int:
     from joshua_dataset.checking import Looked, check
+    from joshua_dataset.output import counted
 
     errors = warnings = 0
     looked = Looked()
@@ -111,7 +112,8 @@ def _check(arguments: argparse.Namespace) -> int:
             sys.stdout.write(f"{problem}\n")
             errors += problem.serious
             warnings += not problem.serious
-    sys.stdout.write(f"{arguments.folder}: {errors} errors, {warnings} warnings; {looked}\n")
+    found = f"{counted(errors, 'error')}, {counted(warnings, 'warning')}"
+    sys.stdout.write(f"{arguments.folder}: {found}; {looked}\n")
     return 1 if errors else 0
 
 

@@ -23,6 +23,7 @@ from joshua_dataset.mending.evidence import Evidence
 from joshua_dataset.mending.footage import Video
 from joshua_dataset.mending.planning import Plan, plan
 from joshua_dataset.mending.rebuilding import Rebuilding
+from joshua_dataset.output import counted
 from joshua_dataset.pictures import ERRORS
 from joshua_dataset.reader import Dataset, DatasetError
 from joshua_dataset.transform import copied_messages
@@ -256,6 +257,9 @@ def _notes(evidence: Evidence, found: Plan) -> list[str]:
     videos = {clip.video.path for part in found.parts for clip in part.clips.values() if clip.video}
     copied = sum(not path.is_relative_to(evidence.folder / "videos") for path in videos)
     if copied:
-        notes.append(f"{copied} videos end with their last whole picture, and have the rate of the rows")
+        ends = "ends with its" if copied == 1 else "end with their"
+        notes.append(
+            f"{counted(copied, 'video')} now {ends} last whole picture; the rate is that of the rows"
+        )
     notes.append("index, frame_index, timestamp, the table of episodes and the statistics, from the rows")
     return notes
