@@ -48,6 +48,12 @@ def section(page: str) -> str:
     return page[page.index(BEGIN) + len(BEGIN) : page.index(END)]
 
 
+def rows_by_package(results: str) -> dict[str, list[str]]:
+    """Return the cells of the first table of a section by package: version, then the numbers of models."""
+    rows = [line.strip("| ").split(" | ") for line in results.splitlines() if line.startswith("| `")]
+    return {cells[0].strip("`"): cells[1:] for cells in rows if len(cells) == 7}
+
+
 def replaced(page: str, results: str) -> str:
     """Return a page with other results."""
     return page.replace(BEGIN + section(page) + END, BEGIN + results + END)

@@ -12,11 +12,16 @@ from pathlib import Path
 
 import pytest
 from foreign_models import Trial, model_files, try_model
-from results_page import PAGE, replaced, section, share, tables
+from results_page import PAGE, replaced, rows_by_package, section, share, tables
 
 PINS = Path(__file__).resolve().parents[2] / "constraints-models.txt"
 
 WANTED_SHARE = 0.9
+
+#: Models that another processor may judge differently, because a joint ends at the edge of its tolerance.
+MOST_FLIPPED = 3
+
+REWRITE = "nox -s models -- --write-page"
 
 
 @pytest.fixture(scope="session")
@@ -67,4 +72,11 @@ def test_the_page_shows_these_results(
     if request.config.getoption("--write-page"):
         PAGE.write_text(replaced(page, results), encoding="utf-8")
         return
-    assert section(page) == results, "nox -s models -- --write-page"
+    written, found = rows_by_package(section(page)), rows_by_package(results)
+    assert [*written] == [*found], REWRITE
+    flipped = 0
+    for package, (version, models, driven, _, *others) in found.items():
+        old_version, old_models, old_driven, _, *old_others = written[package]
+        assert [version, models, *others] == [old_version, old_models, *old_others], REWRITE
+        flipped += abs(int(driven) - int(old_driven))
+    assert flipped <= MOST_FLIPPED, REWRITE
