@@ -67,6 +67,22 @@ TERMINALS = {
         ),
         before=("joshua new demo --from test_mock_hardware",),
     ),
+    "data-set-check.svg": Terminal(
+        "A data set lacks its table of tasks: the check names it, the repair makes it anew from the episodes",
+        (
+            Type("rm demos/meta/tasks.parquet"),
+            Type("joshua dataset check demos"),
+            Type("joshua dataset repair demos"),
+        ),
+        before=(
+            f'PYTHONPATH={ROOT}/tests/support python -c "from pathlib import Path; import small_dataset; '
+            "small_dataset.write(Path('demos'), lengths=(3, 2))\"",
+        ),
+    ),
+    "foreign-model.svg": Terminal(
+        "joshua models names what of a model can be driven, its ranges, and a block for the file",
+        (Type("joshua models ant/ant.xml"),),
+    ),
     "checkpoint.svg": Terminal(
         "A checkpoint knows another camera than the robot has: the message names both, and the rename",
         (

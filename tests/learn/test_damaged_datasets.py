@@ -8,6 +8,7 @@ listed in ``damaging.UNSEEN`` and in the guide.
 from __future__ import annotations
 
 import gc
+import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,8 +28,8 @@ from lerobot.datasets.lerobot_dataset import LeRobotDataset
 from lerobot.datasets.sampler import EpisodeAwareSampler
 from lerobot.datasets.utils import dataset_to_policy_features
 
-#: Of so many damages one is tried; each takes LeRobot and the check about a second.
-STRIDE = 9
+#: Of so many damages one is tried; each takes LeRobot and the check about a second. 1 tries all of them.
+STRIDE = int(os.environ.get("DAMAGE_STRIDE", "17"))
 
 FIGURES = ("min", "max", "mean", "std", "count")
 
@@ -142,4 +143,4 @@ def test_what_stops_lerobot_or_contradicts_something_is_named(sound: Path, tmp_p
     for number, damage in enumerate(chosen):
         wrong.append(judged(sound, damage, tmp_path / f"{number:04d}", expected))
     assert [text for text in wrong if text] == []
-    assert len(chosen) > 150
+    assert len(chosen) * STRIDE > 1_300

@@ -72,7 +72,7 @@ def _described(folder: Path, **values: Any) -> None:
         ({"joints": tuple("abcdef")}, {}, r"whose observation.state is \['shoulder_pan', .*'a', 'b'"),
         ({"joints": JOINTS[:5]}, {}, "whose observation.state is "),
         ({"cameras": ("top", "side")}, {}, "whose observation.images.wrist is a camera, .* it is absent"),
-        ({}, {"fps": 20}, "whose fps is 10, but in .* it is 20"),
+        ({"fps": 20}, {}, "whose fps is 10, but in .* it is 20"),
         ({}, {"robot_type": "koch"}, "whose robot_type is SO-ARM100, but in .* it is koch"),
     ],
 )
@@ -82,7 +82,8 @@ def test_a_run_is_not_continued_with_the_data_of_another_robot(
     made = learner()
     rows(made, 1)
     other = write_recording(tmp_path / "other", **fields)
-    _described(other, **values)
+    if values:
+        _described(other, **values)
     with pytest.raises(RunError, match=f"the run was started with a data set {said}.*: continue with the"):
         build(settings(other), made.save())
 
@@ -255,21 +256,19 @@ def test_a_data_set_that_cannot_be_used_is_named(recording: Path, tmp_path: Path
     copy = tmp_path / "copy"
     shutil.copytree(recording, copy)
     stats = json.loads((copy / "meta" / "stats.json").read_text())
-    del stats["action"]
+    action = stats.pop("action")
     (copy / "meta" / "stats.json").write_text(json.dumps(stats))
-    with pytest.raises(RunError, match=r"has no statistics of action: run `joshua dataset stats .* --write`"):
+    with pytest.raises(RunError, match=r"stats.json lacks action: .*Run `joshua dataset stats --write "):
         build(settings(copy))
-    stats["action"] = {"mean": [math.nan], "std": [1.0]}
+    stats["action"] = action | {"mean": [math.nan] * len(action["mean"])}
     (copy / "meta" / "stats.json").write_text(json.dumps(stats))
-    with pytest.raises(RunError, match=r"statistics of action in .* are not numbers: run `joshua dataset st"):
+    with pytest.raises(
+        RunError, match=r"mean of action in .* is not finite: .*Run `joshua dataset stats --write "
+    ):
         build(settings(copy))
     (copy / "meta" / "stats.json").write_text("{")
-    with pytest.raises(
-        RunError, match=r"stats.json cannot be read: .*: run `joshua dataset stats .* --write`"
-    ):
+    with pytest.raises(RunError, match=r"stats.json cannot be read: .*Run `joshua dataset stats --write "):
         build(settings(copy))
     next((copy / "meta" / "episodes").glob("*/*.parquet")).unlink()
-    with pytest.raises(
-        RunError, match=r"says that it has 3 episodes, but describes \d: run `joshua dataset c"
-    ):
+    with pytest.raises(RunError, match=r"cannot be learned from: .*Run `joshua dataset repair "):
         build(settings(copy))

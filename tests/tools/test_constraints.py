@@ -13,6 +13,8 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).resolve().parents[2]
 # Extras that no session installs, for their size.
 UNTESTED = {"rerun-sdk"}
+# Groups of sessions that install older versions than the pins.
+UNPINNED = {"proto", "lowest"}
 MANIFESTS = [
     ROOT / "pyproject.toml",
     *ROOT.glob("joshua-*/pyproject.toml"),
@@ -55,7 +57,7 @@ def requirements(manifest: Path) -> list[Requirement]:
     project = content.get("project", {})
     groups = [
         *project.get("optional-dependencies", {}).values(),
-        *content.get("dependency-groups", {}).values(),
+        *(items for name, items in content.get("dependency-groups", {}).items() if name not in UNPINNED),
     ]
     texts = [
         *project.get("dependencies", ()),

@@ -36,7 +36,7 @@ def test_prints_what_can_be_driven_and_a_block_for_it(tmp_path, capsys) -> None:
     )
     assert main(["models", str(path)]) == 0
     text = capsys.readouterr().out
-    assert "knee                     -1.047 to +1.047 rad: a position loop around the force" in text
+    assert "  knee  -1.047 to +1.047 rad: motor in a position loop" in text
     assert "also named m" in text
     assert "foot is an adhesion, which attracts bodies and moves no joint" in text
     assert 'sim_config {\n  actuators: [\n    "knee"\n  ]' in text

@@ -26,7 +26,7 @@ class PtyLine:
 
     Args:
         root: folder for the names; ``dev/NAME``, ``dev/serial/by-id/…`` and ``sys/class/tty/NAME``.
-        identity: USB serial number of the adapter.
+        identity: USB serial number of the adapter; "" for one without, as cheap ones are.
         product: what the adapter is called in its name by identity.
 
     Raises:
@@ -35,7 +35,7 @@ class PtyLine:
 
     def __init__(self, root: Path, identity: str, product: str = "Servo_Bus") -> None:
         self.root = root
-        self.identity = safe_name(identity, "the identity")
+        self.identity = safe_name(identity, "the identity") if identity else ""
         self.product = safe_name(product, "the product")
         self.name = ""
         self.master = -1

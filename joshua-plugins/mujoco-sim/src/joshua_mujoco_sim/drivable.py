@@ -40,9 +40,9 @@ from joshua_mujoco_sim.weak_drives import too_soft
 UNLIMITED_RAD, UNLIMITED_M = math.tau, 1.0
 
 _SPEECH = {
-    "position": "the position drive of the model",
-    "velocity": "a position loop around the velocity drive of the model",
-    "torque": "a position loop around the force of the model's actuator",
+    "position": "position drive",
+    "velocity": "velocity drive in a position loop",
+    "torque": "motor in a position loop",
 }
 
 

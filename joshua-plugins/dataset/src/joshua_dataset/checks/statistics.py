@@ -23,8 +23,8 @@ from joshua_dataset.statistics import QUANTILES
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Figures that LeRobot normalises with, beside the quantiles, which older data sets lack.
-NEEDED = ("min", "max", "mean", "std")
+#: Figures that LeRobot reads, beside the quantiles, which older data sets lack.
+NEEDED = ("min", "max", "mean", "std", "count")
 
 #: Largest difference between the mean of all pictures and that of the statistics, which sample them.
 PICTURE_MEAN = 0.1
@@ -93,9 +93,9 @@ class Judge:
         found: dict[str, FloatArray] = {}
         faults = []
         has_quantiles = any(values.get(name) is not None for name in QUANTILES)
-        for name in (*NEEDED, "count", *QUANTILES):
+        for name in (*NEEDED, *QUANTILES):
             if values.get(name) is None:
-                if name in NEEDED or name == "count" or has_quantiles:
+                if name in NEEDED or has_quantiles:
                     faults.append(_Fault(Kind.STATISTICS_MISSING, name, "is missing"))
                 continue
             figure = _array(values[name])

@@ -83,12 +83,17 @@ def _make_absolute(arguments: argparse.Namespace) -> None:
 
 
 def _info(arguments: argparse.Namespace) -> int:
+    _print(description(arguments.folder))
+    return 0
+
+
+def _print(text: str) -> None:
+    """Print lines, wrapped to the width of a terminal."""
     from joshua.tools import Screen
 
     screen = Screen.of(sys.stdout)
-    for line in description(arguments.folder).splitlines():
+    for line in text.splitlines():
         sys.stdout.writelines(f"{piece}\n" for piece in screen.wrap(line, indent=4))
-    return 0
 
 
 def _repair(arguments: argparse.Namespace) -> int:
@@ -96,7 +101,7 @@ def _repair(arguments: argparse.Namespace) -> int:
 
     with opened_workers(arguments) as workers:
         report = repair(arguments.folder, cut=arguments.cut, task=arguments.task, workers=workers)
-    sys.stdout.write(f"{report}\n")
+    _print(str(report))
     return 0 if report.is_complete else 1
 
 
@@ -109,11 +114,11 @@ def _check(arguments: argparse.Namespace) -> int:
     with opened_workers(arguments) as workers:
         pictures = not arguments.no_pictures
         for problem in check(arguments.folder, pictures=pictures, workers=workers, looked=looked):
-            sys.stdout.write(f"{problem}\n")
+            _print(str(problem))
             errors += problem.serious
             warnings += not problem.serious
     found = f"{counted(errors, 'error')}, {counted(warnings, 'warning')}"
-    sys.stdout.write(f"{arguments.folder}: {found}; {looked}\n")
+    _print(f"{arguments.folder}: {found}; {looked}")
     return 1 if errors else 0
 
 

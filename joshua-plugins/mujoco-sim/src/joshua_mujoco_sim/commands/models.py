@@ -48,7 +48,7 @@ def _list(as_json: bool) -> int:
 
 
 def _show(name: str, as_json: bool) -> int:
-    from joshua.tools import ExitCode
+    from joshua.tools import ExitCode, Screen
 
     from joshua_mujoco_sim.model_file import ModelError, load_model
     from joshua_mujoco_sim.summary import summarise
@@ -58,24 +58,30 @@ def _show(name: str, as_json: bool) -> int:
     except ModelError as error:
         sys.stderr.write(f"joshua models: {error}\n")
         return ExitCode.INVALID
-    sys.stdout.write((json.dumps(facts, indent=2) if as_json else _text(name, facts)) + "\n")
+    if as_json:
+        sys.stdout.write(json.dumps(facts, indent=2) + "\n")
+        return 0
+    screen = Screen.of(sys.stdout)
+    for line in _text(name, facts).splitlines():
+        sys.stdout.writelines(f"{piece}\n" for piece in screen.wrap(line, indent=4))
     return 0
 
 
 def _text(name: str, facts: dict[str, Any]) -> str:
     lines = [f"{name}: {facts['mass_kg']:.3f} kg, time step {1000 * facts['timestep_s']:g} ms"]
     lines.append("joints:")
+    width = max((len(joint["name"]) for joint in (*facts["joints"], *facts["drivable"])), default=0)
     for joint in facts["joints"]:
         limits = joint["range"]
         text = f"{limits[0]:+.3f} to {limits[1]:+.3f} {joint['unit']}" if limits else "no limit"
-        lines.append(f"  {joint['name']:<24} {joint['type']:<6} {text}")
+        lines.append(f"  {joint['name']:<{width}}  {joint['type']:<6} {text}")
     lines.append("can be driven, and what drives it:" if facts["drivable"] else "can be driven: none")
     for joint in facts["drivable"]:
         low, high = joint["range"]
         limits = f"{low:+.3f} to {high:+.3f} {joint['unit']}" + ("" if joint["limited"] else ", no limit")
         others = [name for name in joint["names"] if name != joint["name"]]
         also = f"; also named {', '.join(others)}" if others else ""
-        lines.append(f"  {joint['name']:<24} {limits}: {joint['driven_by']}{also}")
+        lines.append(f"  {joint['name']:<{width}}  {limits}: {joint['driven_by']}{also}")
     if facts["not_drivable"]:
         lines.append("cannot be driven to a position:")
         lines += [f"  {one['name']} {one['reason']}" for one in facts["not_drivable"]]
