@@ -115,6 +115,25 @@ def test_two_names_of_one_joint_are_refused(tmp_path) -> None:
     assert "'split' is the same joint as 'left'" in found.message
 
 
+def test_two_nodes_of_one_joint_are_refused(tmp_path) -> None:
+    second = """
+  actions {
+    node {
+      node_name: "second" node_id: 9
+      publishers { data_type: JOINT_STATE topic_name: "/second/joint_states" publish_rate_hz: 50 }
+    }
+    action_type: ACTION_SINGLE
+    sim_config { actuators: "split" }
+  }
+  perceptions {"""
+    text = foreign_file(tmp_path, 'actuators: ["left"]').replace("\n  perceptions {", second)
+    found = error(tmp_path, text)
+    assert found.field_path == "robot.actions[1].sim_config.actuators[0]"
+    assert found.message == "second drives 'left', which arm drives already."
+    assert [related.label for related in found.related] == ["arm drives it here"]
+    assert found.remedy == "Name each in one node only."
+
+
 def test_an_unknown_name_is_answered_with_names_only(tmp_path) -> None:
     found = error(tmp_path, foreign_file(tmp_path, 'actuators: ["elbo"]'))
     assert found.remedy == "Did you mean elbow?"

@@ -232,7 +232,7 @@ class RobotGraph:
 
     def commanders(self, entry: NodeEntry) -> list[Endpoint]:
         """The publishers of other nodes on the topics that a node subscribes to, in the order of the file."""
-        topics = {item.topic for item in self._of(entry) if not item.is_publisher}
+        topics = {item.topic for item in self.all_of_entry(entry) if not item.is_publisher}
         publishers = (item for item in self._on(topics) if item.is_publisher)
         return [item for item in publishers if item.entry.path != entry.path]
 
@@ -244,11 +244,11 @@ class RobotGraph:
 
     def driven_by(self, entry: NodeEntry) -> list[NodeEntry]:
         """The actuators that subscribe to a node's topics, once for each subscription."""
-        topics = {item.topic for item in self._of(entry) if item.is_publisher}
+        topics = {item.topic for item in self.all_of_entry(entry) if item.is_publisher}
         readers = (item for item in self._on(topics) if not item.is_publisher)
         return [item.entry for item in readers if item.entry.is_actuator]
 
-    def _of(self, entry: NodeEntry) -> list[Endpoint]:
+    def all_of_entry(self, entry: NodeEntry) -> list[Endpoint]:
         """All endpoints of a node, those with an invalid topic name, too."""
         return self._all_by_entry.get(entry.path, [])
 

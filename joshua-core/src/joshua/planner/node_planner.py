@@ -121,8 +121,8 @@ def _interpreter(draft: Draft, entry: NodeEntry) -> str:
 
 
 def _topics(graph: RobotGraph, entry: NodeEntry, *, publishers: bool) -> Iterable[TopicSpec]:
-    for endpoint in graph.endpoints:
-        if endpoint.entry.path == entry.path and endpoint.is_publisher is publishers:
+    for endpoint in graph.all_of_entry(entry):
+        if endpoint.is_publisher is publishers:
             yield TopicSpec(
                 name=endpoint.topic,
                 type_name=data_types.type_name(endpoint.block.data_type),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -100,6 +100,15 @@ def joints_of(settings: Any) -> tuple[JointRange, ...]:
     return settings.joints() if isinstance(settings, ActuatorSettings) else ()
 
 
+def _exclusive(settings: Any) -> Mapping[str, str]:
+    """What no other node may drive, by the field that names it; {} for a node that is no actuator."""
+    if settings is None:
+        return {}
+    from joshua.plugins.settings import ActuatorSettings  # needs pydantic, as the settings did
+
+    return settings.exclusive() if isinstance(settings, ActuatorSettings) else {}
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Resolved:
     """A wanted node with its implementation.
@@ -157,7 +166,26 @@ def resolve_nodes(draft: Draft, wanted: list[Wanted], physics: dict[str, Any] | 
                 final_names.add(entry.path)
             check_safety(draft, want, spec, joints)
     draft.findings += [_plugin_missing(draft, wants) for wants in missing.values()]
+    draft.findings += _driven_twice(draft, resolved)
     return resolved
+
+
+def _driven_twice(draft: Draft, resolved: Sequence[Resolved]) -> list[Diagnostic]:
+    """Find what two nodes drive although only one may, such as a joint of a simulation."""
+    found = []
+    first_of: dict[tuple[str, str], tuple[str, str]] = {}
+    for item in resolved:
+        node_name = item.want.entry.node.node_name
+        for field, name in _exclusive(item.settings).items():
+            path = f"{item.want.block_path}.{field}"
+            first_name, first_path = first_of.setdefault((item.want.block_name, name), (node_name, path))
+            if first_path == path:
+                continue
+            message = f"{node_name} drives {name!r}, which {first_name} drives already"
+            remedy = "Name each in one node only"
+            related = draft.see(first_path, f"{first_name} drives it here")
+            found.append(draft.error("invalid-setting", message, path, remedy=remedy, related=related))
+    return found
 
 
 def _model_context(draft: Draft, entry: NodeEntry) -> ModelContext:

@@ -134,6 +134,10 @@ class ActuatorSettings(BlockSettings):
         """The joints in order, known without a connection or the driver."""
         raise NotImplementedError(f"{type(self).__name__} names no joints: override joints")
 
+    def exclusive(self) -> Mapping[str, str]:
+        """Return what no second node may drive, such as simulated joints, by the field that names each."""
+        return {}
+
 
 class Positions(Protocol):
     """Positions of the values of a loaded configuration (``LoadedConfig.positions``)."""

@@ -190,8 +190,8 @@ class Dataset:
             wanted: their indices; None for all.
             with_statistics: read their statistics, too, which must be readable then.
         """
-        rows = self._rows_v3() if self.version == "v3.0" else self._rows_v2(with_statistics)
-        for row in rows:
+        read_rows = self._rows_v3 if self.version == "v3.0" else self._rows_v2
+        for row in read_rows(with_statistics):
             try:
                 index = int(row["episode_index"])
             except (KeyError, TypeError, ValueError) as error:
@@ -310,7 +310,7 @@ class Dataset:
                 found[feature.key] = np.stack([np.asarray(part) for part in parts], axis=1)
         return found
 
-    def _rows_v3(self) -> Iterator[dict[str, Any]]:
+    def _rows_v3(self, with_statistics: bool) -> Iterator[dict[str, Any]]:
         folder = self.folder / "meta" / "episodes"
         try:
             paths = [
@@ -323,7 +323,10 @@ class Dataset:
         for path in paths:
             try:
                 with pq.ParquetFile(path) as file:
-                    for batch in file.iter_batches(batch_size=64):
+                    names = [name for name in file.schema_arrow.names if not name.startswith("stats/")]
+                    columns = None if with_statistics else names
+                    # A file has few rows, which start no threads that are worth it.
+                    for batch in file.iter_batches(batch_size=64, columns=columns, use_threads=False):
                         yield from batch.to_pylist()
             except (OSError, pa.ArrowException) as error:
                 raise unreadable(path, error) from error

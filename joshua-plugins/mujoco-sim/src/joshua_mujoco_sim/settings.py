@@ -320,6 +320,16 @@ class SimActuatorSettings(ActuatorSettings):
             )
         return self
 
+    def exclusive(self) -> dict[str, str]:
+        """Return the joints of the model that these actuators drive, by the field with the name of each.
+
+        A demonstrator only computes goals, for the joints of the arm that follows it.
+        """
+        if self.facts is None or self.demonstrate:
+            return {}
+        joints = self.facts.joints
+        return {f"actuators[{index}]": joints[name].name for index, name in enumerate(self.actuators)}
+
     def frames(self) -> list[Frame]:
         """Joints about their zeros, known without a connection."""
         return frames(self.joint_ranges, self.calibration)

@@ -205,7 +205,7 @@ def description(folder: Path) -> str:
         lines.append(f"  {feature.key:<28} {feature.dtype} {shape}{unit}{names}")
     lines += [f"  task {number}: {task}" for number, task in enumerate(found.tasks)]
     lost = {name: 0 for name in found.counters if not name.startswith("worst")}
-    for episode in found.episode_list():
+    for episode in found.episode_list(with_statistics=False) if lost else ():
         for name in lost:
             lost[name] += episode.counts.get(name, 0)
     if any(lost.values()):
