@@ -114,7 +114,7 @@ def test_an_episode_with_a_torn_journal_is_moved_aside(tmp_path: Path) -> None:
     aside = Path(said.rpartition(" ")[2])
     assert {path.name: path.read_bytes() for path in aside.iterdir()} == before
     assert lengths(tmp_path) == [25]
-    assert "is complete: 1 episodes" in str(repair(tmp_path))
+    assert "is complete: 1 episode" in str(repair(tmp_path))
 
 
 def end_twice(writer: LeRobotWriter, count: int) -> None:

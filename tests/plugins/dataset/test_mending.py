@@ -151,10 +151,11 @@ def test_a_data_set_without_damage_stays_byte_for_byte(
     originals: dict[str, Path], tmp_path: Path, version: str
 ) -> None:
     before = digests(originals[version])
+    videos = "1 video" if version == V30 else "4 videos"
     report = repair(originals[version])
     assert report.lines == (
         f"{originals[version]} is complete: 4 episodes. `joshua dataset check` finds nothing serious: "
-        f"4 episodes, 22 rows, the headers of {1 if version == V30 else 4} videos and 22 pictures were read",
+        f"4 episodes, 22 rows, the headers of {videos} and 22 pictures were read",
     )
     assert digests(originals[version]) == before
 
