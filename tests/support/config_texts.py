@@ -27,7 +27,7 @@ _LIMITS = {
     _D.CPPTYPE_UINT64: (0, 2**64 - 1),
 }
 _SPECIAL_FLOATS = (
-    "0 -0 1 50.0 1e6 -2.5E-3 .5 -.5 5. 1.5f 2F -3f inf -inf nan INF infinity -Infinity nanf inff "
+    "0 -0 1 50.0 1e6 -2.5E-3 .5 -.5 5. 1.5f 2f -3f inf -inf nan INF infinity -Infinity nanf inff "
     "1e400 3.4028236e38 1e-50 16777217 +1.5"
 )
 _FLOATS = st.one_of(

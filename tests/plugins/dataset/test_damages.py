@@ -160,6 +160,7 @@ def test_every_damage_is_named_or_of_a_class_that_cannot_be_seen(
     whole = Path(shutil.copytree(sound, tmp_path / "whole"))
     if layout == "v2.1":
         as_v21(whole)
+        (whole / "meta/stats.json").unlink()  # LeRobot's layout v2.1 has statistics by episode only
     chosen = [damage for damage in damages(whole) if not is_unseen(damage.name)]
     silent = []
     for number, damage in enumerate(chosen[::5]):
