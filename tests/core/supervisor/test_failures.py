@@ -271,13 +271,22 @@ def test_a_reader_thread_that_hangs_is_named(robot):
 
 
 def test_a_node_that_does_not_get_ready_is_named_with_what_it_waits_for(robot):
-    report = robot.run(robot.node("SlowStart", facts={"ready_timeout_s": 5.0}), robot.node("Quiet"))
+    slow = robot.node("SlowStart", facts={"ready_timeout_s": 5.0})
+    report = robot.run(slow, robot.node("Quiet"), duration_s=None, start_timeout_s=None)
 
     assert report.exit_code == 1
     assert (
         "/slowstart: not ready after 5 s: it is still in its configure step, "
-        "waiting for an answer of motor 3" in report.reason
+        "waiting for an answer of motor 3. Allow a longer start with --start-timeout SECONDS" in report.reason
     )
+
+
+def test_a_longer_start_is_longer_for_each_node(robot):
+    slow = robot.node("SlowStart", facts={"ready_timeout_s": 1.0})
+    report = robot.run(slow, robot.node("Quiet"), duration_s=None, start_timeout_s=3.0)
+
+    assert report.exit_code == 1
+    assert "/slowstart: not ready after 3 s: " in report.reason
 
 
 def test_a_node_that_does_not_stop_climbs_the_ladder_and_is_killed(robot):

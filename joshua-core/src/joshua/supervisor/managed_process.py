@@ -419,18 +419,22 @@ class ManagedProcess:
 
     def _set_deadline(self) -> None:
         self._cancel_deadline()
-        limit_s = max(ready_timeout_s(spec) for spec in self.specs)
+        limits_s = [ready_timeout_s(spec) for spec in self.specs]
+        limit_s = max(*limits_s, self._options.start_timeout_s or 0.0)
         self._deadline = self._reactor.call_later(limit_s, lambda: self.fail_start(limit_s))
 
     def _cancel_deadline(self) -> None:
         if self._deadline is not None:
             self._deadline.cancel()
 
-    def fail_start(self, limit_s: float, remedy: str = "") -> None:
+    def fail_start(self, limit_s: float) -> None:
         """Fails the nodes that are not ready, and stops the process."""
         for name, record in self.records.items():
             if record.state in ("starting", "configured", "resuming"):
-                text = f"not ready after {limit_s:g} s: it is still {record.doing}{remedy}"
+                text = (
+                    f"not ready after {limit_s:g} s: it is still {record.doing}. "
+                    "Allow a longer start with --start-timeout SECONDS"
+                )
                 self._logbook.write(logging.ERROR, text, name)
                 record.fail(text, EXIT_NODE_FAILED)
         self._urgent = True

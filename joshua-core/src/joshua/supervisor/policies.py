@@ -162,7 +162,7 @@ class SupervisorOptions:
         log_level: minimum level that nodes report, as in ``logging``.
         duration_s: length of the run after its start-up, which may take as long. None takes the plan's,
             without a limit for the start.
-        start_timeout_s: limit of the start instead of ``duration_s``.
+        start_timeout_s: limit of the start instead of ``duration_s``, and the least time that each node gets.
         heartbeat_s: interval of the heartbeats.
         status_period_s: interval of the live status.
         ladder: times of the stop ladder; ``stop_timeout_s`` of a node's facts overrides the first.

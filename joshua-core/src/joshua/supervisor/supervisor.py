@@ -246,7 +246,7 @@ class Supervisor:
         """Fails the nodes that the others wait for."""
         for process in self._processes if self._phase is Phase.STARTING else ():
             if process.alive and not (process.ready if self._activated else process.configured):
-                process.fail_start(limit_s, ". Allow a longer start with --start-timeout SECONDS")
+                process.fail_start(limit_s)
 
     def _open_router(self, stack: ExitStack) -> bool:
         from joshua.plugins.targets import TargetError
