@@ -86,6 +86,23 @@ def test_periods_that_a_schedule_skips_count_as_overruns(clock):
     assert timer.cadence.report().overruns == 3
 
 
+def test_a_tick_that_waits_leaves_the_deadlines_where_they_are(clock):
+    queue = TimerQueue(clock)
+    ticks = []
+    timer = Timer(0.01, lambda: ticks.append(clock.now_ns), "t")
+    queue.add(timer)
+    queue.start()
+    start_ns = clock.now_ns
+    timer.wait_until(start_ns + 14 * MS)
+    clock.now_ns += 12 * MS
+    assert queue.run_due() == 2 * MS
+    assert ticks == []
+    clock.now_ns += 2 * MS
+    assert queue.run_due() == 6 * MS
+    assert ticks == [start_ns + 14 * MS]
+    assert timer.cadence.report().overruns == 0
+
+
 def test_the_most_overdue_timer_runs_first(clock):
     order = []
     queue = TimerQueue(clock)

@@ -34,9 +34,9 @@ class Arrivals:
     before the next command is expected, waits for that command, and writes it immediately. Protections are
     therefore still read directly before each write. Without regular arrivals, the cycle keeps its own clock.
 
-    Each cycle selects the command that it waits for by the time at which it begins, and schedules the next
-    one from there. After a stall the cycle therefore goes on with the next command, and a cycle that would
-    begin less than half a period after the last one is skipped.
+    Each cycle selects the command that it waits for by the time at which it begins. After a stall it
+    therefore goes on with the next command: what the stall skipped is counted once by the timer. No cycle
+    begins less than half a period after the last one.
 
     Args:
         period_s: of the control cycle on its own clock.
@@ -82,18 +82,13 @@ class Arrivals:
         planned_ns = timer.deadline_ns
         if planned_ns is None:
             return
-        earliest_ns = self._began_ns + self._period_ns / 2
-        next_ns = float(planned_ns)
-        step_ns = float(self._period_ns)
+        timer.wait_until(self._began_ns + self._period_ns // 2)
         with self._condition:
-            if self._follows():
-                lead_ns = self._lead_ns
-                next_ns = self._phase.nearest_ns(self._began_ns + self._period_ns + lead_ns) - lead_ns
-                step_ns = self._phase.interval_ns
-        if next_ns < earliest_ns:
-            next_ns += step_ns
-        if next_ns != planned_ns:
-            timer.schedule(round(next_ns))
+            if not self._follows():
+                return
+            lead_ns = self._lead_ns
+            next_ns = self._phase.nearest_ns(planned_ns + lead_ns) - lead_ns
+        timer.schedule(round(next_ns))
 
     @property
     def _lead_ns(self) -> float:

@@ -32,11 +32,17 @@ class Timer:
         self._period_ns = max(1, round(period_s * NS_PER_S))
         self._callback = callback
         self._deadline_ns: int | None = None
+        self._earliest_ns = 0
 
     @property
     def deadline_ns(self) -> int | None:
         """Next deadline on the monotonic clock; None before the start."""
         return self._deadline_ns
+
+    @property
+    def due_ns(self) -> int:
+        """When the next tick runs: its deadline, or later after ``wait_until``; 0 before the start."""
+        return 0 if self._deadline_ns is None else max(self._deadline_ns, self._earliest_ns)
 
     def start(self, now_ns: int) -> None:
         """Sets the first deadline one period from now. No effect on a running timer."""
@@ -53,10 +59,14 @@ class Timer:
             self.cadence.skip(max(0, skipped))
         self._deadline_ns = deadline_ns
 
+    def wait_until(self, earliest_ns: int) -> None:
+        """Runs the next tick no earlier than at a time. Its deadline, and the later ones, stay."""
+        self._earliest_ns = earliest_ns
+
     def run_if_due(self, now_ns: int) -> bool:
         """Calls back if the deadline has passed, and sets the next one. Returns whether it was called."""
         deadline_ns = self._deadline_ns
-        if deadline_ns is None or now_ns < deadline_ns:
+        if deadline_ns is None or now_ns < self.due_ns:
             return False
         missed = (now_ns - deadline_ns) // self._period_ns
         self.cadence.skip(missed)
@@ -98,12 +108,12 @@ class TimerQueue:
         Returns:
             Nanoseconds until the next deadline, 0 if one has passed meanwhile; None without timers.
         """
-        for timer in sorted(self._timers, key=_deadline):
+        for timer in sorted(self._timers, key=_due):
             timer.run_if_due(self._clock())
         if not self._timers:
             return None
-        return max(0, min(_deadline(timer) for timer in self._timers) - self._clock())
+        return max(0, min(_due(timer) for timer in self._timers) - self._clock())
 
 
-def _deadline(timer: Timer) -> int:
-    return timer.deadline_ns if timer.deadline_ns is not None else 0
+def _due(timer: Timer) -> int:
+    return timer.due_ns
