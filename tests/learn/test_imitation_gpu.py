@@ -33,7 +33,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 
 def built(calls: list[Any]) -> Callable[..., Any]:
-    def build(*arguments: Any) -> Any:
+    def build(*arguments: Any, **options: Any) -> Any:
         calls.append("built")
         raise BuiltError
 
