@@ -155,6 +155,8 @@ def test_the_same_line_again_and_again_is_stale(emulator_of: Start, encoder_at: 
     emulator = emulator_of("line")
     encoder = encoder_at(emulator.port)
     encoder.connect()
+    # The last line that was sent is repeated: it must be one at the speed of the port.
+    assert encoder.read(30.0) is not None
     emulator.fault("freeze")
     assert "the encoder repeats the same time" in loss(encoder)
 
